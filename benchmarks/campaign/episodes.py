@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from random import Random
 
 from campaign.size import size_of
-from engine_rig import MS
+from nanoseconds import MS
 from simulation.bed import FINGERS, SECOND
 from simulation.edits import pad, wrench
 from simulation.faults import Bunch, Bursts, Chain, Delay, Drop, Edit, Flood, Garbage, Noise, Split, Trickle

@@ -12,12 +12,11 @@ from collections import Counter
 from random import Random
 from typing import Any
 
-from engine_rig import T0
 from gripper_peers import Peer
 from motions.cell import PART_M, RAISE_N_PER_S, STEP_N, Cell, brought_up
 from motions.wire_oracle import MOTIONS, WireOracle
+from nanoseconds import MS, T0
 
-MS = 1_000_000
 LOWER_N_PER_S = 2.0
 MU = 0.5
 EPS_N = 0.12

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from grasp_table import grasp_table
 from gripper_registers import GripperLine
+from nanoseconds import MS, T0
 from scipy.spatial.transform import Rotation
 
 from slipd import config
@@ -19,8 +20,6 @@ from slipd.engine.engine import Engine
 from slipd.events import Bytes, Event, LinkUp, Publish, Request, Tick, Write
 from slipd.types.arrays import Array
 
-MS = 1_000_000
-T0 = 100_000_000_000
 READ_MS, FORCE_MS, ARM_MS = 4, 2, 4
 G = np.array((0.0, 0.0, -9.80665))
 NOISE_N, NOISE_NM = 0.02, 0.0005

@@ -19,11 +19,11 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule, run_state_machine_as_test
 from motions.cell import BUDGET_N, CEILING_N, PART_M, STEP_N, brought_up
 from motions.wire_oracle import EPS_N, MOTIONS, WireOracle
+from nanoseconds import MS
 
 from slipd.gripper.grip_policy import GripState
 from slipd_client.messages.schema.ops import OPS, Op
 
-MS = 1_000_000
 FRESH_NS = 50 * MS
 ANN = b"ann"
 LONG = settings.get_current_profile_name() == "long"

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from engine_rig import MS, WALL_NS
+from engine_rig import WALL_NS
+from nanoseconds import MS
 from run_courses import ask, lease, status
 from simulation.bed import SECOND
 from simulation.edits import pad, wrench

@@ -7,7 +7,7 @@ import functools
 from collections.abc import Callable
 
 import pytest
-from engine_rig import MS
+from nanoseconds import MS
 from run_courses import Step, ask, follow, health, lease, status
 from simulation.bed import FINGERS
 from simulation.edits import wrench

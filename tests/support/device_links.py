@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import pytest
+from fixture_types import Parse
 
-from slipd.config import Config
 from slipd.devices import bota
 from slipd.events import RecordingChanged
 from slipd.finger.freshness import Lateness
@@ -19,11 +18,6 @@ from slipd.publish.message_sequencer import MessageSequencer
 from slipd.publish.status_publisher import StatusPublisher
 from slipd.types.clocks import WallClock
 from slipd_client.messages import Health
-
-MS = 1_000_000
-S = 1_000_000_000
-T0 = 100_000_000_000
-Parse = Callable[[str], Config]
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-MS = 1_000_000
+from nanoseconds import MS
 
 
 def drive(session: Any, emulator: Any, seconds: float, *, begin_ns: int = 0, start: bool = True) -> list[Any]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from gripper_registers import GripperLine
 from known_zeros import know_zeros
+from nanoseconds import MS, T0
 from wire_check import faults_of
 
 from slipd import config
@@ -31,8 +32,6 @@ from slipd.events import (
 from slipd.tools.sim.emulated_pads import encode_message
 from slipd_client import messages
 
-MS = 1_000_000
-T0 = 100_000_000_000
 WALL_NS = 1_700_000_000_000_000_000
 BOOT = "b00t"
 

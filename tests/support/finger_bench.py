@@ -6,9 +6,11 @@ import math
 from collections.abc import Callable, Iterable
 
 import numpy as np
+from fixture_types import Parse
 from known_zeros import known_finger
+from nanoseconds import MS, T0
 
-from slipd.config import Config, Levels
+from slipd.config import Levels
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
 from slipd.finger.freshness import PROMPT, Arrival
@@ -20,14 +22,9 @@ from slipd.types.arrays import Array
 from slipd.types.samples import TactileSample, WrenchSample
 from slipd_client.messages import Health
 
-MS = 1_000_000
-T0 = 100_000_000_000
 FULL = np.full((4, 4), 100)
 EMPTY = np.zeros((4, 4))
 
-Parse = Callable[[str], Config]
-Wrench = Callable[..., WrenchSample]
-Image = Callable[..., TactileSample]
 Press = Callable[..., FingerState]
 
 

@@ -8,15 +8,13 @@ from types import EllipsisType
 from typing import Any
 
 from engine_rig import GRIPPER, LEFT
+from nanoseconds import MS, T0
 
 from slipd import config
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.intent import IntentKind
 from slipd.types.permit import Permit, Refusal
 from slipd.types.samples import GripperSample
-
-MS = 1_000_000
-T0 = 100_000_000_000
 
 
 def reading(width_m: float | None = 0.085, t_ns: int = T0, **changes: Any) -> GripperSample:

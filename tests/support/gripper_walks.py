@@ -10,10 +10,10 @@ from random import Random
 from typing import Any
 
 from gripper_peers import PEERS, SentCommand
+from nanoseconds import MS
 
 from slipd.types.permit import Permit
 
-MS = 1_000_000
 STEPS = 4_000
 FORCE_STEP_N = 0.2
 """A force byte of the Robotiq is less than this."""

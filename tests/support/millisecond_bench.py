@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from nanoseconds import MS
 from permits import move, set_force
 
 from slipd.types.samples import GripperSample
-
-MS = 1_000_000
 
 
 @dataclass

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from emulation_thread import emulation
+from nanoseconds import MS
 from rig_parts import PATIENCE_S, endpoints_of, part, wait_for
 
 from slipd import config
@@ -24,7 +25,6 @@ from slipd_client.messages.codec import MESSAGE_LIMITS
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(400)]
 
-MS = 1_000_000
 STALLS_MS = [5, 12, 20, 35, 60, 120, 250, 500]
 RIG = """
 [finger.left]

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 import pytest_asyncio
-from engine_rig import RIG, T0
+from engine_rig import RIG
+from nanoseconds import T0
 
 from slipd import config
 from slipd.events import Bytes, LinkUp, Tick

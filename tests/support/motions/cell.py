@@ -8,9 +8,10 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from engine_rig import MS, RIGHT, EngineRun
+from engine_rig import RIGHT, EngineRun
 from grasp_table import grasp_table
 from gripper_peers import Peer, SentCommand
+from nanoseconds import MS
 
 from slipd import config
 from slipd.devices import bota

@@ -12,7 +12,8 @@ from dataclasses import replace
 from random import Random
 from typing import Any
 
-from engine_rig import BOOT, MS, WALL_NS, EngineRun
+from engine_rig import BOOT, WALL_NS, EngineRun
+from nanoseconds import MS
 from simulation.line import Fault, Line
 from simulation.watch import Watch
 

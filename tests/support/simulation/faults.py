@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from random import Random
 
+from nanoseconds import MS
 from simulation.line import Fault
 
-MS = 1_000_000
 Pieces = list[tuple[int, bytes]]
 
 

@@ -5,7 +5,7 @@ It reads a piece of each line a turn, with ticks between, until all are empty.
 
 from __future__ import annotations
 
-from engine_rig import MS
+from nanoseconds import MS
 from simulation.bed import TICK_EVERY, Bed
 from simulation.line import Line
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from arm_rig import ARM, ArmRun
 from arm_rig import RIG as ARM_RIG
-from engine_rig import LEFT, MS, RIG, RIGHT, WALL_NS, Run, wrench_of
+from engine_rig import LEFT, RIG, RIGHT, WALL_NS, Run, wrench_of
 from grasp_table import grasp_table
+from nanoseconds import MS
 from run_courses import (
     Step,
     ask,

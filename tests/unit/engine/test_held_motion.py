@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from engine_rig import LEFT, MS, RIG, RIGHT, Run
+from engine_rig import LEFT, RIG, RIGHT, Run
 from grasp_table import grasp_table
+from nanoseconds import MS
 from run_courses import (
     Step,
     bring_up,

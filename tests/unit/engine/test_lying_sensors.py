@@ -9,8 +9,9 @@ from typing import Any
 import msgpack
 import numpy as np
 import pytest
-from engine_rig import LEFT, MS, RIG, Run
+from engine_rig import LEFT, RIG, Run
 from grasp_table import grasp_table
+from nanoseconds import MS
 from run_courses import (
     Step,
     ask,

@@ -6,7 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from finger_bench import FULL, MS, T0, NoisyFinger, Parse, Press, Wrench, make_finger, read_force
+from finger_bench import FULL, NoisyFinger, Press, make_finger, read_force
+from fixture_types import Parse, Wrench
+from nanoseconds import MS, T0
 
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState

@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from finger_bench import MS, T0, Parse, Press, Wrench, make_finger, read_force
+from finger_bench import Press, make_finger, read_force
+from fixture_types import Parse, Wrench
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from nanoseconds import MS, T0
 
 from slipd.config import Rates
 from slipd.events import Output

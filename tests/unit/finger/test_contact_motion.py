@@ -6,7 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from finger_bench import MS, T0, Parse, Wrench, make_finger, read_force
+from finger_bench import make_finger, read_force
+from fixture_types import Parse, Wrench
+from nanoseconds import MS, T0
 
 from slipd.finger.contact_motion import ContactMotion
 from slipd.finger.finger import Finger

@@ -6,7 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from finger_bench import EMPTY, FULL, MS, T0, Image, Parse, Press, Wrench, make_finger, read_force
+from finger_bench import EMPTY, FULL, Press, make_finger, read_force
+from fixture_types import Image, Parse, Wrench
+from nanoseconds import MS, T0
 
 from slipd.finger.finger import Finger
 from slipd.types.samples import TactileSample

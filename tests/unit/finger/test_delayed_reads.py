@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 import pytest
-from finger_bench import MS, T0, Image, Wrench, read_force
+from finger_bench import read_force
+from fixture_types import Image, Wrench
+from nanoseconds import MS, T0
 
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState

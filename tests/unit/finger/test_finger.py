@@ -6,8 +6,10 @@ import math
 
 import numpy as np
 import pytest
-from finger_bench import MS, T0, Parse, Press, Wrench, make_finger, read_force, verdict
+from finger_bench import Press, make_finger, read_force, verdict
+from fixture_types import Parse, Wrench
 from known_zeros import known_finger
+from nanoseconds import MS, T0
 
 from slipd.config import Levels
 from slipd.finger.finger import Finger

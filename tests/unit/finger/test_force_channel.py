@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from finger_bench import FULL, MS, T0, Image, Parse, Wrench, make_finger, read_force
+from finger_bench import FULL, make_finger, read_force
+from fixture_types import Image, Parse, Wrench
+from nanoseconds import MS, T0
 
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel

@@ -8,7 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from finger_bench import FULL, MS, T0, Parse, Press, Wrench, make_finger, pull, read_force, teach
+from finger_bench import FULL, Press, make_finger, pull, read_force, teach
+from fixture_types import Parse, Wrench
+from nanoseconds import MS, T0
 
 from slipd.finger.finger import Finger
 from slipd.publish.finger_messages import slip_body

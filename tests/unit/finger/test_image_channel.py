@@ -8,8 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from finger_bench import EMPTY, MS, T0, Image, Parse, Press, make_finger, taxel_faults, verdict
+from finger_bench import EMPTY, Press, make_finger, taxel_faults, verdict
+from fixture_types import Image, Parse
 from known_zeros import known_finger
+from nanoseconds import MS, T0
 
 from slipd.config import Levels
 from slipd.finger.finger import Finger

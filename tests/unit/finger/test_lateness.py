@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import pytest
+from nanoseconds import MS
 
 from slipd.events import Bytes, Tick
 from slipd.finger.freshness import LATE_NS, LEAST_CATCH_UP_NS, LONGEST_WAIT_NS, MOST_CATCH_UP_NS, SHOWN_NS, Lateness
 
-MS = 1_000_000
 READ = Bytes("left.wrench", b"")
 UNREAD = Tick(unread=True)
 

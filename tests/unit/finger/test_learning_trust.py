@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from finger_bench import FULL, MS, Parse, Press, make_finger, verdict
+from finger_bench import FULL, Press, make_finger, verdict
+from fixture_types import Parse
+from nanoseconds import MS
 
 from slipd.finger.finger import Finger
 from slipd.finger.freshness import Arrival

@@ -8,7 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from finger_bench import MS, NoisyFinger, read_force, taxel_faults, teach
+from finger_bench import NoisyFinger, read_force, taxel_faults, teach
+from nanoseconds import MS
 
 from slipd.types.arrays import Array
 from slipd.types.samples import TactileSample, WrenchSample

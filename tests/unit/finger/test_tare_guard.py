@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from finger_bench import EMPTY, MS, T0, NoisyFinger, Parse, Press, make_finger, verdict
+from finger_bench import EMPTY, NoisyFinger, Press, make_finger, verdict
+from fixture_types import Parse
+from nanoseconds import MS, T0
 
 from slipd.finger.finger import Finger
 from slipd.types.samples import TactileSample, WrenchSample

@@ -7,10 +7,12 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from finger_bench import EMPTY, FULL, T0, Image, Parse, Press, Wrench, limit_nm, make_finger, pull, verdict
+from finger_bench import EMPTY, FULL, Press, limit_nm, make_finger, pull, verdict
 from finger_bench import read_force as read
+from fixture_types import Image, Parse, Wrench
 from hypothesis import given
 from hypothesis import strategies as st
+from nanoseconds import T0
 
 from slipd.finger.finger import Finger
 from slipd.finger.verdict import danger_reasons

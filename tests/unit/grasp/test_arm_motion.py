@@ -7,9 +7,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from arm_rig import ARM, COM_M, DOWN, MASS_KG, RIG, STILL, ArmRun
-from engine_rig import GRIPPER, LEFT, MS, RIGHT
+from engine_rig import GRIPPER, LEFT, RIGHT
 from grasp_table import grasp_table
 from load_course import line
+from nanoseconds import MS
 from run_courses import Step, follow, status, tick, wait, wrench
 from scipy.spatial.transform import Rotation
 

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from finger_bench import read_force, teach
+from fixture_types import Image, Parse, Wrench
 from known_zeros import known_finger
+from nanoseconds import MS, T0
 from pad_wrenches import finger_load, pad_wrench
 
 from slipd import config
@@ -21,8 +23,6 @@ from slipd.tools.shipped_files import shipped_config
 from slipd.types.samples import TactileSample, WrenchSample
 from slipd_client.messages import MESSAGE_LIMITS, decode, encode
 
-MS = 1_000_000
-T0 = 100_000_000_000
 FULL = np.full((4, 4), 100)
 POSITIONS = "[[0.0, 0.0, 0.0, 0.16], [0.04, 0.0, {0}0.02, 0.15], [0.08, 0.0, {0}0.04, 0.13]]"
 GRASP = f"""
@@ -36,10 +36,6 @@ quat_xyzw = [-0.5, -0.5, -0.5, 0.5]
 WIDTH_M = 0.06
 # Fields that are known whatever is known of the fingers.
 ALWAYS = {"fingers", "state", "state_t_ns", "level", "level_code", "reasons", "evidence", "object", "width_m", "age_s"}
-
-Parse = Callable[[str], Config]
-Wrench = Callable[..., WrenchSample]
-Image = Callable[..., TactileSample]
 
 
 class Hand:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from nanoseconds import MS
 from scipy.spatial.transform import Rotation
 
 from slipd.grasp import object_estimate
@@ -110,7 +111,6 @@ def test_object_that_is_recognised_may_be_gripped_elsewhere_and_is_forgotten_if_
     assert estimate.state.unknown == object_estimate.NOT_MOVED
 
 
-MS = 1_000_000
 PERIOD_NS = 4 * MS
 
 

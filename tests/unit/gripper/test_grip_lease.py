@@ -6,11 +6,11 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from judging import code
+from nanoseconds import MS
 
 from slipd.gripper.grip_policy import GripPolicy
 from slipd.gripper.lease import Lease
 
-MS = 1_000_000
 T0 = 50_000_000_000
 ANN, BEN = b"ann", b"ben"
 

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from judging import LIMITS, ask, code
+from nanoseconds import MS
 
 from slipd.gripper.grip_policy import GripPolicy
 from slipd.gripper.intent import IntentKind
 from slipd.types.permit import Permit, Refusal
 
-MS = 1_000_000
 T0 = 50_000_000_000
 
 

@@ -8,13 +8,13 @@ from typing import Any
 
 import pytest
 from judging import ask
+from nanoseconds import MS
 
 from slipd.config import Reflex as ReflexConfig
 from slipd.gripper.grip_policy import GripLimits, GripPolicy
 from slipd.gripper.reflex import Reflex, ReflexAct
 from slipd.types.permit import Permit
 
-MS = 1_000_000
 T0 = 50_000_000_000
 SETTINGS = {"ceiling_n": 20.0, "raise_n_per_s": 50.0, "slip_gain": 1.2, "calm_s": 2.0, "lower_n_per_s": 2.0}
 NAN, INF = math.nan, math.inf

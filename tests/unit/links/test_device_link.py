@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from device_links import MS, T0, Parse, S, frame, health, status
+from device_links import frame, health, status
+from fixture_types import Parse
+from nanoseconds import MS, T0, S
 
 from slipd.devices import bota
 from slipd.devices.pvdf import encode_scan

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from device_links import health
+from fixture_types import Parse
+from nanoseconds import T0
 
-from slipd.config import Config, transport_of
+from slipd.config import transport_of
 from slipd.devices import DEVICES
 from slipd.events import LinkSpec
 from slipd.links.device_link import make_links
@@ -16,9 +16,7 @@ from slipd.links.link_health import why_silent
 from slipd.tools.sim.emulated_pads import encode_message
 from slipd_client.messages import Health
 
-T0 = 100_000_000_000
 LATER = T0 + 2_000_000_000
-Parse = Callable[[str], Config]
 
 
 @pytest.mark.parametrize(

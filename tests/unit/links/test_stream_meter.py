@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from arm_rig import DOWN, RIG, STILL
+from fixture_types import Parse
+from nanoseconds import MS, T0
 
-from slipd.config import Config
 from slipd.finger.freshness import PROMPT, Arrival
 from slipd.links.link_health import SHOWN_NS, Condition, _stream_condition
 from slipd.links.stream_meter import StreamMeter
 from slipd.types.samples import ArmSample, Sample, TactileSample, WrenchSample
 from slipd_client.messages import Health
-
-MS = 1_000_000
-T0 = 100_000_000_000
-Parse = Callable[[str], Config]
 
 
 def date(stream: StreamMeter, sample: Sample, late_ns: int = 0) -> int | None:

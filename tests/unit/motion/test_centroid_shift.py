@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from chirps import chirp
+from nanoseconds import MS
 
 from slipd.motion.evidence import Evidence
 from slipd.motion.image_blocks import BLOCK_S, Block, LoadNoise
@@ -21,7 +22,6 @@ STEP_NS = round(1e9 * BLOCK_S)
 STD_M = 1.5e-5
 CERTAIN = 12.0
 DIRECTION = np.array((0.8, 0.6))
-MS = 1_000_000
 
 
 class Hold:

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 from finger_bench import read_force
+from fixture_types import Image, Wrench
 from known_zeros import known_finger
+from nanoseconds import MS, T0
 
 from slipd.config import Config, Levels
 from slipd.finger.finger import Finger
 from slipd.publish.finger_messages import slip_body, tactile_body, wrench_body
 from slipd.publish.message_sequencer import array, finite
-from slipd.types.samples import TactileSample, WrenchSample
+from slipd.types.samples import WrenchSample
 
-MS = 1_000_000
-T0 = 100_000_000_000
 FULL = np.full((4, 4), 100)
 
 LEARNED = {"mu_d", "carried_friction", "relative_utilisation"}
@@ -30,9 +30,6 @@ ONLY_IN_CONTACT = LEARNED | {
     *("utilisation", "utilisation_lower", "utilisation_upper", "torque_limit_nm", "pole_m"),
     *("tipping_margin_m", "grip_needed_n", "friction_ratio_std"),
 }
-
-Wrench = Callable[..., WrenchSample]
-Image = Callable[..., TactileSample]
 
 
 def made(parse: Callable[[str], Config], text: str) -> Finger:

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from fixture_types import Parse, Wrench
 from known_zeros import known_finger
+from nanoseconds import MS, T0
 
-from slipd.config import Config, Levels, Rates
+from slipd.config import Levels, Rates
 from slipd.events import Output, Publish
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import VerdictBatch
 from slipd.publish.finger_messages import FingerPublisher
 from slipd.publish.message_sequencer import MessageSequencer
 from slipd.types.clocks import WallClock
-from slipd.types.samples import TactileSample, WrenchSample
+from slipd.types.samples import TactileSample
 
-MS = 1_000_000
-T0 = 100_000_000_000
-Parse = Callable[[str], Config]
-Wrench = Callable[..., WrenchSample]
 PULLS = (0.5, 0.5, 0.5, 3.6, 4.5, 0.6, 0.5, 0.6, 3.6, 4.5, 4.5, 0.5)
 
 

@@ -7,15 +7,13 @@ from collections.abc import Callable
 from typing import Any, cast
 
 import pytest
+from nanoseconds import MS, T0
 
 from slipd.config import Config, device_options
 from slipd.devices import DEVICES, GripperSession
 from slipd.gripper.gripper_control import GripperControl
 from slipd.publish.grasp_messages import gripper_body
 from slipd.types.samples import GripperSample
-
-MS = 1_000_000
-T0 = 100_000_000_000
 
 
 @pytest.fixture

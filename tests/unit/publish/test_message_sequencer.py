@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from nanoseconds import MS
 
 from slipd.events import Publish
 from slipd.publish.message_sequencer import MessageSequencer, Pace
 from slipd.types.clocks import WallClock
 
-MS = 1_000_000
 T0 = 77_000_000_000
 
 

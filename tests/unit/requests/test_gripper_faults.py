@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 from engine_rig import LEFT, MOVES, RIG, Run
+from nanoseconds import MS
 from run_courses import (
     Step,
     ask,
@@ -31,7 +32,6 @@ from run_courses import (
 
 from slipd.requests.request_check import MOST_CLIENTS, PER_CLIENT
 
-MS = 1_000_000
 BEN: dict[str, Any] = {"by": b"ben"}
 NO_LEASE, LATCHED = ("no_lease", ""), ("fault_latched", "")
 CLOSE = {"force_n": 5.0}

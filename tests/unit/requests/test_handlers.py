@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import pytest
 from engine_rig import Run
+from nanoseconds import MS
 from run_courses import ask, follow, status, wait
-
-MS = 1_000_000
 
 
 def test_hello_returns_boot_and_clock(run: Run) -> None:

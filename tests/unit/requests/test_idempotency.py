@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from nanoseconds import MS
 
 from slipd.requests.request_check import MOST_CLIENTS, PER_CLIENT, IdempotencyCache
 from slipd.types.permit import RefusalError
 
-MS = 1_000_000
 T0 = 50_000_000_000
 ANN, BEN = b"ann", b"ben"
 REPLY = {"ok": True, "result": {"applied_n": 5.0}}

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from nanoseconds import MS, S
 from numpy.typing import NDArray
 
 from slipd.links.stream_meter import OLDEST_HOST_NS, host_time
@@ -106,8 +107,6 @@ def follow(device: Times, receipt: Times, true: Times, clock: DeviceClock) -> tu
     return error * 1e-9, bound * 1e-9
 
 
-MS = 1_000_000
-S = 1_000_000_000
 US_32 = (1 << 32) * 1_000
 
 

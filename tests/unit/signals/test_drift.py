@@ -6,12 +6,11 @@ import math
 
 import numpy as np
 import pytest
+from nanoseconds import MS, S
 from numpy.testing import assert_allclose, assert_array_equal
 
 from slipd.signals.drift import BLOCK_NS, FULL_SWING_S, HOLD_OFF_NS, LONGEST_GAP_NS, LOOK_BACK_BLOCKS, DriftCompensation
 
-MS = 1_000_000
-S = 1_000_000_000
 LIMIT = np.array((1.0, 1.0, 1.0, 0.02, 0.02, 0.02))
 SETTLED_S = 6.0  # the hold-off, the look-back, and some time to learn
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from nanoseconds import MS
 from pad_wrenches import pad_wrench
 
 from slipd.fusion import Contact, contact_from_wrench, tipping_margin
@@ -15,7 +16,6 @@ from slipd.signals.force_image_agreement import Agreement
 from slipd.signals.pad import neighbours
 from slipd.tools.sim.scene_parts import Pad, Patch
 
-MS = 1_000_000
 PAD = Pad()
 X, Y = PAD.positions()
 HALF_X, HALF_Y = PAD.cols * PAD.pitch_m / 2, PAD.rows * PAD.pitch_m / 2

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from nanoseconds import MS
 from plain_kernels import run_without_compilation
 
 from slipd.fusion.rows import NOT_FINITE
@@ -13,8 +14,6 @@ from slipd.fusion.streaming import new_readings
 from slipd.signals import frozen
 from slipd.signals.frozen import DEFAULT_REPEATS, FAULTS, FLICKER_NS, WrenchWatch
 from slipd.types.arrays import Array
-
-MS = 1_000_000
 
 
 @pytest.fixture(params=["compiled", "plain"])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from nanoseconds import MS
 from plain_kernels import run_without_compilation
 
 from slipd.fusion.streaming import new_readings
@@ -15,7 +16,6 @@ from slipd.signals import frozen
 from slipd.signals.frozen import WrenchWatch
 from slipd.types.arrays import Array
 
-MS = 1_000_000
 ROWS = st.sampled_from(("well", "well", "well", "again", "jump", "far", "nan", "inf"))
 READS = st.lists(st.lists(st.tuples(ROWS, st.sampled_from((0, 1, 1, 1, 7, 21))), min_size=1, max_size=8), max_size=8)
 """What each reading of a read is, and how long after the one before it came, ms."""

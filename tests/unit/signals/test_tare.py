@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from nanoseconds import MS
 from numpy.testing import assert_allclose, assert_array_equal
 
 from slipd.signals.tare import LARGEST_READING, MIN_READINGS, MOVING_FACTOR, Average, Offset, Tare
 from slipd.types.arrays import flushed
 
-MS = 1_000_000
 STORED = Offset(7, np.array((2.0,)), -5, 10, "earlier", np.zeros(1), None, "stored")
 
 

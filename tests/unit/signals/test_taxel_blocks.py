@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from nanoseconds import MS
 from numpy.testing import assert_allclose, assert_array_equal
 from project import TRIAL
 from taxel_images import END_S, LOST_S, NOISE, WIDE, counts, feed, swing, watch
@@ -125,9 +126,6 @@ def test_what_moved_before_a_silence_is_not_held_against_what_rests_after_it() -
     health = watch()
     assert feed(health, counts(np.zeros(300), WIDE, rng), 100.0, np.zeros(300)) == []
     assert feed(health, held, 100.0, np.full(300, 10.0), begin_s=10.0) == []
-
-
-MS = 1_000_000
 
 
 @pytest.mark.parametrize("rate_hz", [30.0, 60.0, 200.0, 500.0])

@@ -6,13 +6,13 @@ What it shares with all sessions: test_every_session.
 from __future__ import annotations
 
 import pytest
+from nanoseconds import MS
 from session_bench import Bench, bench_of, nothing
 
 from slipd.devices import bota
 from slipd.devices.bota import QUIET_NS, SETTLE_NS
 from slipd.tools.sim import emulated_wrenches as sim
 
-MS = 1_000_000
 COMMANDS = [b"C\n", b"c,0,1,0,4\n", b"f,64,0,0,1\n", b"R\n"]
 NAMED = b"App Init\rname: MiniONE\r\nHW: 2\r\nS/N: 1234\r\nFW version: 1.2.3\rc,0,1,0,4\r"
 FRAME = bota.encode_frame((0, 0, 1), (0, 0, 0), 0)

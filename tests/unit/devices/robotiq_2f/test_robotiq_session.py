@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import pytest
 from gripper_registers import GripperLine
+from nanoseconds import MS
 from permits import activate, halt, move, set_force
 
 from slipd.devices.robotiq_2f import Session
@@ -15,7 +16,6 @@ from slipd.tools.sim.emulated_robotiq_2f import encode_exception
 from slipd.types.samples import GripperSample
 
 ILLEGAL_FUNCTION = 1  # of Modbus exceptions
-MS = 1_000_000
 POLL = bytes.fromhex("09 04 07 D0 00 03 B1 CE")
 OLD_POLL = bytes.fromhex("09 03 07 D0 00 03 04 0E")
 CLEAR = bytes.fromhex("09 10 03 E8 00 03 06 00 00 00 00 00 00 73 30")

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from emulation_thread import plugged
+from nanoseconds import MS
 from other_packages import Install, install
 
 from slipd.cli import carry_out
@@ -30,7 +31,6 @@ from slipd.tools.sim.device_line import PtyLine
 from slipd.types.samples import TactileSample
 
 __all__ = ["install"]
-MS = 1_000_000
 
 
 def doctor(port: str, name: str | None, out: Path, *arguments: str, seconds: float = 2.0) -> bool:

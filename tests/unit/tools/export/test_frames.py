@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from nanoseconds import MS
 
 from slipd.errors import SlipdError
 from slipd.tools.export.frames import (
@@ -32,7 +33,6 @@ LAYOUT = FrameLayout(
     },
     {},
 )
-MS = 1_000_000
 BEGIN = 5_000_000_000_000
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from nanoseconds import MS
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
@@ -22,7 +23,6 @@ from slipd.signals.mounting import Mounting
 from slipd.tools.commission.weight_identification import Identification
 from slipd.tools.recordings.identify_mass import identification_text, identify_recording
 
-MS = 1_000_000
 G = STANDARD_GRAVITY_MPS2
 POSES = [(0.0, 0.0, -G), (G, 0.0, 0.0), (0.0, G, 0.0), (0.0, -G, 0.0)]
 WEIGHT = FingerWeight(0.060, (0.002, -0.001, -0.012))

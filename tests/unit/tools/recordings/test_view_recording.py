@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 from lossy_recording import lossy
+from nanoseconds import MS
 from project import DATA
 
 from slipd import cli
@@ -69,7 +70,6 @@ def test_a_port_in_use_is_an_error_that_names_another(tmp_path: Path, capsys: py
     assert "--listen 127.0.0.1:0 takes any free port" in capsys.readouterr().err
 
 
-MS = 1_000_000
 BEGIN_NS = 5_000 * MS
 
 

@@ -6,7 +6,8 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from driving import MS, drive
+from driving import drive
+from nanoseconds import MS, S
 from permits import move, set_force
 
 from slipd.devices.external import Decoder
@@ -18,8 +19,6 @@ from slipd.devices.external_gripper.external_gripper_message import (
 )
 from slipd.tools.sim.emulated_external import DRIVER, PAD, WRENCH, Driver, Pusher, encode_registration
 from slipd.types.samples import ArmSample
-
-S = 1_000_000_000
 
 
 def test_streams_have_the_rates_that_are_asked_for_times_of_this_host_and_an_arm_beside_them() -> None:

@@ -3,11 +3,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from nanoseconds import MS
 
 from slipd.devices import pvdf
 from slipd.tools.sim.emulated_pvdf import FULL_SCALE, PvdfElectronics, PvdfPad
 
-MS = 1_000_000
 IDEAL = PvdfElectronics(gain_spread=0.0, offset_counts=0.0, noise_counts=0.0, clock_ppm=0.0)
 EVEN = np.full(128, 1 / 128)
 

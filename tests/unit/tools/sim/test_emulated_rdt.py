@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from driving import MS, drive
+from driving import drive
 from loop_waits import eventually
+from nanoseconds import MS
 
 from slipd.devices import netft
 from slipd.devices.netft import netft_calibration

@@ -2,6 +2,7 @@ from types import SimpleNamespace
 
 import pytest
 from driving import drive
+from nanoseconds import MS
 
 from slipd.devices.robotiq_2f import Session, robotiq_registers
 from slipd.devices.robotiq_2f.robotiq_registers import WIDTH_TABLE, Units
@@ -9,7 +10,6 @@ from slipd.devices.shared import modbus
 from slipd.tools.sim.emulated_robotiq_2f import ACTIVATION_NS, FORCE_TABLE, Gripper2F, make
 from slipd.tools.sim.scene import GripCommand
 
-MS = 1_000_000
 UNIT, OUT, IN = robotiq_registers.UNIT, robotiq_registers.OUTPUT_ADDRESS, robotiq_registers.INPUT_ADDRESS
 
 

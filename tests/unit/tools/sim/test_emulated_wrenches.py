@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from driving import MS, drive
+from driving import drive
+from nanoseconds import MS
 
 from slipd.devices import bota, robotous
 from slipd.tools.sim import emulated_wrenches as sim

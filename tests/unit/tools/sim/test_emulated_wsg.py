@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from driving import drive
+from nanoseconds import MS
 from permits import move
 
 from slipd.devices.wsg import Session
@@ -12,7 +13,6 @@ from slipd.devices.wsg.wsg_decoder import Decoder, Reply
 from slipd.tools.sim import emulated_wsg as sim
 from slipd.tools.sim.emulated_wsg import LIMITS, Gripper, make
 
-MS = 1_000_000
 Answers = list[tuple[int, int]]
 
 

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from nanoseconds import MS
 
 from slipd.devices import DEVICES, Device
 from slipd.tools.sim.emulators import Emulator, make_emulator
 from slipd.types.samples import WrenchSample
 
-MS = 1_000_000
 SECONDS = 1.6
 """Long enough for a Bota sensor to boot and settle, and for a gripper to answer many polls."""
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from driving import drive
+from nanoseconds import MS
 from project import CONFIG
 
 from slipd import config
@@ -25,7 +26,6 @@ from slipd.tools.sim.hand_commands import CommandError, parse_command
 from slipd.tools.sim.touched_devices import BIAS, TouchedDevices
 from slipd.types.samples import ArmSample, TactileSample, WrenchSample
 
-MS = 1_000_000
 SHIPPED = sorted(CONFIG.glob("*.toml"))
 IN_NEWTONS = [path for path in SHIPPED if path.name != "trial_arq.toml"]
 """Configs of rigs; the readings of that trial are counts, and the emulator of pushed readings sends newtons."""

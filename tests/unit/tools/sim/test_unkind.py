@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from emulated_engine import EmulatedEngine
+from nanoseconds import MS
 from project import CONFIG
 
 from slipd import config
@@ -17,7 +18,6 @@ from slipd.tools.sim.emulators import EmulatedDevice, make_emulator
 from slipd.tools.sim.unkind import Unkind
 from slipd_client.messages.schema.topics import Slip
 
-MS = 1_000_000
 PERIOD_NS = 10 * MS
 
 
