@@ -74,7 +74,7 @@ def _follower(follow_load: Callable[..., bool]) -> Callable[..., None]:
                 forget_load(drop)
                 drop["exact"] = exact
             felt = math.nan
-            slips[i] = follow_load(drop, ring, t_s, q, row[3], row[4], row[5], row[9], row[10], felt, felt, given)
+            slips[i] = follow_load(drop, ring, t_s, q, row[3], row[4], row[5], row[9], row[10], felt, felt, 0.0, given)
 
     return follow
 
