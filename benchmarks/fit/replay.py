@@ -25,7 +25,6 @@ from slipd.fusion.rows import Rows, new_rows
 from slipd.motion.evidence import Evidence, MotionRisk
 from slipd.motion.image_blocks import LoadNoise
 from slipd.motion.image_shift import ImageShift
-from slipd.motion.vibration import BLOCK, Vibration
 from slipd.signals.pad import PadGeometry
 from slipd.types.arrays import Array
 
@@ -80,19 +79,14 @@ def _follower(follow_load: Callable[..., bool]) -> Callable[..., None]:
 
 
 def beside_load(grasp: Grasp, world: str) -> Spans:
-    """Return when images and the high band of the force show slip, as `slipd.finger.contact_motion` follows them."""
+    """Return when images show slip, as `slipd.finger.contact_motion` follows them."""
     watch = _Beside(grasp, world)
     images = deque(range(len(grasp.seen)))
-    first = 0
     for row, touches in enumerate((grasp.load[:, 1] > 0.0).tolist()):
         while images and grasp.seen[images[0], 0] <= row:
             watch.look(images.popleft())
         if not touches:
             watch.forget()
-            first = row + 1
-        elif row + 1 - first == BLOCK:
-            watch.listen(first, row + 1)
-            first = row + 1
     return watch.spans
 
 
@@ -104,7 +98,7 @@ class _Beside:
     """
 
     def __init__(self, grasp: Grasp, world: str) -> None:
-        self._grasp, load = grasp, grasp.load
+        self._grasp = grasp
         scene = WORLDS[world].draw(grasp.family, grasp.seed)
         settings = config.parse(config_text(scene, Variant()), "config of a kept grasp")
         wrench, pad = settings.finger["left"].wrench, settings.finger["left"].pad
@@ -113,11 +107,7 @@ class _Beside:
         lever_m = math.hypot(*wrench.pad_from_sensor.xyz_m)
         noise = LoadNoise(wrench.force_std_n, math.hypot(wrench.torque_std_nm, lever_m * wrench.force_std_n))
         self._shift = ImageShift(PadGeometry(pad.rows, pad.cols, pad.pitch_m, pad.electrode_m), noise)
-        self._vibration = Vibration(wrench.rate_hz)
-        watches = {"image_change": self._shift, "vibration": self._vibration}
-        looks = {kind: watch.looks_per_hour for kind, watch in watches.items()}
-        self._risk = MotionRisk(settings.levels.false_alarms_per_hour, looks)
-        self._force = np.column_stack([load[:, 4], load[:, 5], -load[:, 3], np.zeros((len(load), 3))])
+        self._risk = MotionRisk(settings.levels.false_alarms_per_hour, {"image_change": self._shift.looks_per_hour})
         self.spans: list[tuple[float, float]] = []
 
     def look(self, number: int) -> None:
@@ -125,15 +115,9 @@ class _Beside:
         seen, image = self._grasp.seen[number], self._grasp.images[number].astype(float)
         self._judge(self._shift.update(int(seen[1]), image, tuple(seen[2:].tolist())))
 
-    def listen(self, begin: int, end: int) -> None:
-        """Listen to some readings of the grasp."""
-        t_ns = round(float(self._grasp.load[end - 1, 0]) * 1e9) + BEGIN_NS
-        self._judge(self._vibration.update(t_ns, self._force[begin:end]))
-
     def forget(self) -> None:
         """Forget the contact: it ended."""
         self._shift.reset()
-        self._vibration.reset()
 
     def _judge(self, found: Evidence | None) -> None:
         kinds = () if found is None else self._risk.update(found)

@@ -66,11 +66,9 @@ LOAD: dict[str, Mapping[str, float]] = {
 }  # fmt: skip
 """Of the load of a contact, in `slipd.fusion`."""
 IMAGE: dict[str, Mapping[str, object]] = {
-    "source: vibration": {"motion.vibration.LOUD": inf},
     "source: image, fitted": {"motion.image_shift.MOST_TILT": -1.0},
     "source: image and centroid": {"motion.image_fit.LEAST_TAXELS": 1 << 30},
     "kinds together": {"motion.evidence.TOGETHER_NS": -1},
-    "vibration: burst": {"motion.vibration.BURST_SHARE": inf},
     "image: rise of the load": {"motion.image_blocks.RISE_SHARE": inf},
     "image: same grip": {"motion.image_blocks.GRIP_SHARE": inf},
     "image: same tangential force": {"motion.image_blocks.SAME_SHARE": inf},

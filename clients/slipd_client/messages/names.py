@@ -77,7 +77,6 @@ EVIDENCE = {
     "any friction carries",
     "image_change": "the shares of the taxels change while the load does not",
     "spin_change": "the spin changes while the load does not",
-    "vibration": "the high band of the force sensor is loud, as of a sliding contact; it only supports other evidence",
     "width": "the width of the gripper changes while the grip force does not",
     "external": "an external driver measured that the object moves",
 }

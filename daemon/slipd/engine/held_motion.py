@@ -45,7 +45,7 @@ class HeldMotion:
         watches = {"image_change": self._pads, "width": self._width, "external": self._outside}
         shared = {kind: watch.looks_per_hour for kind, watch in watches.items() if watch is not None}
         for name, finger in fingers.items():
-            looks = shared | (finger.motion.looks_per_hour if finger.motion is not None else {})
+            looks = shared | ({} if finger.motion is None else {"image_change": finger.motion.looks_per_hour})
             if looks:
                 self._risks[name] = MotionRisk(levels.false_alarms_per_hour, looks)
 

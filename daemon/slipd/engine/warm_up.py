@@ -17,7 +17,6 @@ from slipd.fusion.motion_limits import nearest_limit, worst_turn
 from slipd.fusion.motion_scale import check_points, follow_gravity, largest_scale
 from slipd.fusion.streaming import move_to_pad, new_readings
 from slipd.motion.image_blocks import ImageBlocks, LoadNoise
-from slipd.motion.vibration import BLOCK, LEAST_HZ, SETTLED_NS, Vibration
 from slipd.signals.charge_reconstruction import ChargeReconstruction
 from slipd.signals.force_image_agreement import Agreement
 from slipd.signals.pad import PadGeometry
@@ -40,9 +39,6 @@ def warm_up() -> None:
     for k in range(WINDOW + 1):
         health.update(np.zeros(4), k * BLOCK_NS, None, None)
     ImageBlocks(PadGeometry(2, 2, 0.01, 0.005), LoadNoise(0.0, 0.0)).update(0, np.zeros(4), (0.0,) * 6)
-    vibration = Vibration(LEAST_HZ)
-    for t_ns in (0, 2 * SETTLED_NS):
-        vibration.update(t_ns, np.zeros((BLOCK, 6)))
     _judge_contact()
     _advise_motion(x, y, np.full(4, 0.25))
 

@@ -82,7 +82,9 @@ class Finger:
         self._check: ForceImageCheck | None = None
         if pad is not None and self.force is not None and self.image is not None:
             self._check = ForceImageCheck(config, pad, self.force, self.image, state)
-        self.motion = None if wrench is None else ContactMotion(wrench, self.image)
+        self.motion: ContactMotion | None = None
+        if wrench is not None and self.image is not None and not self.image.three_axis:
+            self.motion = ContactMotion(wrench, self.image)
         self._delayed: deque[DelayedRead] = deque()
         self._newest: FingerState | VerdictBatch = FingerState(0, STREAM_STALE)
         self.level, self._is_stale = self._newest.verdict.level, True
@@ -184,9 +186,9 @@ class Finger:
     ) -> None:
         """Look for motion in an image, with the forces since the one before, where force sensor and image agree."""
         if self.in_contact and image.is_independent and not check.disagreement:
-            motion.update_image(image, t_ns, check.mean_wrench(before_ns, t_ns))
+            motion.update(image, t_ns, check.mean_wrench(before_ns, t_ns))
         else:
-            motion.forget_image()
+            motion.forget_images()
 
     def _judge(self, readings: WrenchBatch, arrival: Arrival) -> VerdictBatch:
         """Return the verdicts on conditioned readings, and update the comparison and the tares with them."""
@@ -216,8 +218,8 @@ class Finger:
         self._newest, self.level, self._is_stale = batch, LEVELS[batch.levels[-1]], batch.is_late
         if batch.phases & 1 << PULLED:
             self.tare.reject("the normal force is clearly negative")
-        if self.motion is not None:
-            self.motion.update_force(batch)
+        if self.motion is not None and not batch.touches:
+            self.motion.forget()
         if check is not None and batch.ends_at < len(batch):
             check.reset()
         if self._taring:

@@ -15,13 +15,12 @@ from typing import NamedTuple
 
 from scipy.special import betainc
 
-EVIDENCE = ("load_drop", "image_change", "spin_change", "vibration", "width", "external")
+EVIDENCE = ("load_drop", "image_change", "spin_change", "width", "external")
 """Kinds of evidence, by their bit in ``evidence`` of `slipd.fusion.rows.ASSESSMENT`.
 
 - load_drop: The load falls from static to dynamic friction, or exceeds what any friction carries.
 - image_change: The shares of the taxels change at unchanged load.
 - spin_change: The spin changes at unchanged load.
-- vibration: The high band of the force sensor is loud; it only supports other evidence.
 - width: The width of the gripper changes at unchanged grip force.
 - external: A driver of the user's says so.
 """

@@ -25,7 +25,7 @@ HOUR_LOOKS = 36_000.0
 
 
 def test_a_mask_names_its_kinds_in_their_fixed_order() -> None:
-    assert EVIDENCE == ("load_drop", "image_change", "spin_change", "vibration", "width", "external")
+    assert EVIDENCE == ("load_drop", "image_change", "spin_change", "width", "external")
     for count in range(len(EVIDENCE) + 1):
         for kinds in itertools.combinations(EVIDENCE, count):
             assert evidence_names(evidence_mask(*reversed(kinds), *kinds)) == kinds
@@ -38,15 +38,13 @@ def test_a_surprise_is_bounded_and_nothing_unknown_is_one() -> None:
     assert [f_surprise(*each) for each in numbers] == pytest.approx([0.0, -math.log(0.0027), 700.0, 700.0], rel=1e-3)
     for numbers in itertools.product((1.0, math.nan), repeat=3):
         assert f_surprise(*numbers) < 2.0
-    risk = MotionRisk(1.0, {"image_change": HOUR_LOOKS, "vibration": HOUR_LOOKS})
-    assert risk.update(Evidence("image_change", 0, math.nan)) == risk.update(Evidence("vibration", 0, 9.0)) == ()
+    risk = MotionRisk(1.0, {"image_change": HOUR_LOOKS, "width": HOUR_LOOKS})
+    assert risk.update(Evidence("image_change", 0, math.nan)) == risk.update(Evidence("width", 0, 9.0)) == ()
     assert risk.update(Evidence("image_change", 0, 9.0), belief=math.nan) == ()
 
 
 @pytest.mark.uncovered
-@pytest.mark.parametrize(
-    "kinds", [("vibration",), ("image_change", "vibration"), ("image_change", "width", "external")]
-)
+@pytest.mark.parametrize("kinds", [("width",), ("image_change", "width"), ("image_change", "width", "external")])
 def test_noise_is_reported_as_often_as_the_risk_allows(kinds: tuple[str, ...]) -> None:
     """Half an hour of looks of exponential surprises, at 240 false alarms an hour; those of combined kinds overlap."""
     risk = MotionRisk(240.0, dict.fromkeys(kinds, HOUR_LOOKS))
@@ -58,10 +56,10 @@ def test_noise_is_reported_as_often_as_the_risk_allows(kinds: tuple[str, ...]) -
 
 
 def test_weak_evidence_of_two_kinds_counts_together_only_at_one_time() -> None:
-    risk = MotionRisk(1.0, {"vibration": HOUR_LOOKS, "image_change": HOUR_LOOKS})
+    risk = MotionRisk(1.0, {"width": HOUR_LOOKS, "image_change": HOUR_LOOKS})
     assert risk.update(Evidence("image_change", 0, 9.0)) == ()
-    assert risk.update(Evidence("vibration", TOGETHER_NS + 1, 9.0)) == ()
-    assert risk.update(Evidence("image_change", 2 * TOGETHER_NS + 1, 9.0)) == ("image_change", "vibration")
+    assert risk.update(Evidence("width", TOGETHER_NS + 1, 9.0)) == ()
+    assert risk.update(Evidence("image_change", 2 * TOGETHER_NS + 1, 9.0)) == ("image_change", "width")
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import gc
 from pathlib import Path
 
 import pytest
@@ -25,6 +26,7 @@ def names(folder: Path) -> set[str]:
 def test_K3_the_oldest_by_number_are_deleted_whatever_the_clock_says(
     tmp_path: Path, files: int, size: int, left: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    gc.collect()  # files that earlier tests left open
     handles, run = len(names(Path("/proc/self/fd"))), RunFiles(tmp_path, "a")
     lock, real = tmp_path / ".run-a.lock", fcntl.flock
     taken = iter([lock])
