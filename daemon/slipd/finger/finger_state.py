@@ -226,31 +226,32 @@ class VerdictBatch:
             return None
         return float(self.readings.rows["contact"]["normal_n"][-1])
 
-    def _make_state(self, k: int) -> FingerState:
+    def force_state(self, k: int) -> FingerState:
+        """Return the force of reading k, which a message about it needs, without the work of a verdict."""
         readings, phase = self.readings, self.phase(k)
         age_s = (readings.received_ns - readings.times_ns[k]) * 1e-9
         state = FingerState(readings.times_ns[k], STREAM_STALE, age_s=age_s)
-        if phase == LATE:
-            return state
-        state.status = readings.statuses[k]
+        if phase != LATE:
+            state.status, wrench = readings.statuses[k], wrench_at(readings.rows, k)
+            state.wrench = None if phase == UNTRUSTED and math.isnan(wrench[2]) else wrench
+        return state
+
+    def _make_state(self, k: int) -> FingerState:
+        state, phase = self.force_state(k), self.phase(k)
         if phase == TOUCHING:
             self._add_contact(state, k)
-            return state
-        state.wrench = wrench_at(readings.rows, k)
-        if phase == UNTRUSTED:
-            state.verdict = Verdict("unknown", readings.untrusted.get(k, UNTARED.reasons))
-            state.wrench = None if math.isnan(state.wrench[2]) else state.wrench
+        elif phase == UNTRUSTED:
+            state.verdict = Verdict("unknown", self.readings.untrusted.get(k, UNTARED.reasons))
         elif phase == PULLED:
             state.verdict = PAD_PULLED
-        else:
+        elif phase == FREE:
             state.verdict = WEIGHT_UNKNOWN if self.levels[k] == UNKNOWN else PAD_FREE
-            state.contact = contact_at(readings.rows, k)
+            state.contact = contact_at(self.readings.rows, k)
         return state
 
     def _add_contact(self, state: FingerState, k: int) -> None:
         """Fill in the state of a reading that touches."""
         reading, friction = reading_at(self.readings.rows, k), self.frictions[k]
-        state.wrench = tuple(reading.wrench.tolist())
         state.contact, state.friction, state.load_distribution = reading.contact, friction, self.load_distribution
         state.tipping_margin_m, state.assessment = reading.tipping_margin_m, reading.assessment
         used = None if math.isnan(reading.contact.spin_nm) else reading.utilisation

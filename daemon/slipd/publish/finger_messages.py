@@ -221,12 +221,15 @@ class FingerPublisher:
             self._append(self._wrench_topic, t_ns, wrench_body(finger, state), out)
 
     def publish_batch(self, batch: VerdictBatch, out: list[Output]) -> None:
-        """Append the messages about the readings of one read; the others need no state."""
+        """Append the messages about the readings of one read: the same as about each of their states."""
         slip, wrench, times_ns = self._slip, self._wrench, batch.readings.times_ns
         for at, level in enumerate(batch.levels):
             t_ns = times_ns[at]
-            if t_ns >= slip.due_ns or t_ns >= wrench.due_ns or LEVELS[level] != self.level:
+            if t_ns >= slip.due_ns or LEVELS[level] != self.level:
                 self.publish_state(batch[at], out)
+            elif t_ns >= wrench.due_ns:
+                wrench.passes(t_ns, self.level)
+                self._append(self._wrench_topic, t_ns, wrench_body(self._finger, batch.force_state(at)), out)
 
     def publish_image(self, t_ns: int, out: list[Output]) -> None:
         """Append the message about the newest image; at once where the image became usable or unusable."""
