@@ -1,11 +1,11 @@
 """Measure objects that an arm carries: what is known of them, faults of the arm stream, and slip reports.
 
-``PYTHONPATH=benchmarks:tests/support python -m carry weigh|faults|slips [N]``; ``slips N FIRST``: seeds from FIRST on.
+``PYTHONPATH=benchmarks:tests/support python -m carry weigh|faults|slips [N [FIRST]]``: N grasps, seeds from FIRST on.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 from collections import Counter
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -42,10 +42,10 @@ def weighed(carry: Carry, body: dict[str, Any]) -> Weighed:
     return Weighed(mass / carry.mass_kg, mass / found["mass_std_kg"], float(np.linalg.norm(com)), stds)
 
 
-def measure_weighing(count: int) -> None:
+def measure_weighing(count: int, first: int = 0) -> None:
     """Print accuracy and coverage before the turn and at the end."""
     before, after = [], []
-    for seed in range(count):
+    for seed in range(first, first + count):
         carry = Carry(np.random.default_rng(seed), log_uniform(np.random.default_rng((seed, 1)), *MASSES_KG))
         bodies = [(t_s, body) for t_s, topic, body in play(carry, seed) if topic == "grasp"]
         before.append(weighed(carry, [body for t_s, body in bodies if t_s < TURN_S][-1]))
@@ -67,12 +67,12 @@ def _within(stds: Array) -> float:
     return float((abs(known) < 2.0).mean())
 
 
-def measure_faults(count: int) -> None:
+def measure_faults(count: int, first: int = 0) -> None:
     """Print how often each fault is named while an object is carried, and while the fingers are free."""
     for held in (True, False):
         for name, (distort, word) in FAULTS.items():
             named, others, times = 0, Counter[str](), []
-            for seed in range(count):
+            for seed in range(first, first + count):
                 mass_kg = log_uniform(np.random.default_rng((seed, 1)), *MASSES_KG) if held else 0.0
                 carry = Carry(np.random.default_rng(seed), mass_kg, distort)
                 messages = _arm_messages(carry, seed)
@@ -82,11 +82,11 @@ def measure_faults(count: int) -> None:
                 others.update(text[:60] for text in {text for _, text in messages if not (word and word in text)})
             late = np.percentile(times, 95) if times else np.nan
             print(
-                f"{'held' if held else 'free'}, {name}: named in {named} of {count}, p95 after {late:.2f} s of motion"
+                f"{'held' if held else 'free'}, {name}: named in {named} of {count}, p95 after {late:.2f} s of motion",
+                flush=True,
             )
             for text, often in others.items():
                 print(f"    {often}: {text}")
-            sys.stdout.flush()
 
 
 def motion_s(carry: Carry, until_s: float) -> float:
@@ -110,5 +110,16 @@ PROGRAMS: dict[str, Callable[..., None]] = {
     "slips": measure_slips,
 }
 
+
+def main() -> None:
+    """Run one of the programs."""
+    parser = argparse.ArgumentParser(prog="python -m carry", description=__doc__)
+    parser.add_argument("program", choices=PROGRAMS)
+    parser.add_argument("count", type=int, nargs="?", default=200, help="number of grasps (default: %(default)s)")
+    parser.add_argument("first", type=int, nargs="?", default=0, help="seed of the first one (default: %(default)s)")
+    chosen = parser.parse_args()
+    PROGRAMS[chosen.program](chosen.count, chosen.first)
+
+
 if __name__ == "__main__":
-    PROGRAMS[sys.argv[1]](*map(int, sys.argv[2:] or ["200"]))
+    main()

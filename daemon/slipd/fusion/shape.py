@@ -67,7 +67,7 @@ def contact_shape(x: ArrayLike, y: ArrayLike, pressure: ArrayLike, pitch_m: floa
         raise not_numbers(x=x, y=y, pressure=pressure) from None
     if p.ndim != 2 or xs.shape != p.shape or ys.shape != p.shape:
         raise ValueError(f"x, y and pressure must share one shape (rows, cols), got {xs.shape}, {ys.shape}, {p.shape}")
-    active, cx, cy, xx, yy, xy = _moments(xs.ravel(), ys.ravel(), p.ravel())
+    active, cx, cy, xx, yy, xy = _shape_moments(xs.ravel(), ys.ravel(), p.ravel())
     if active == 0:
         return ContactShape(0, 0.0, np.full(2, math.nan), math.nan, math.nan, 0, np.empty((0, 2)))
     axis, elongation = _principal_axis(xx, yy, xy)
@@ -77,7 +77,7 @@ def contact_shape(x: ArrayLike, y: ArrayLike, pressure: ArrayLike, pitch_m: floa
 
 
 @compiled
-def _moments(x: Array, y: Array, p: Array) -> tuple[int, float, float, float, float, float]:
+def _shape_moments(x: Array, y: Array, p: Array) -> tuple[int, float, float, float, float, float]:
     """Return the number of active taxels, the centre of pressure, and the second moments of their centres, m².
 
     The second moments do not weigh by pressure: pressures would make a tilted grip look long.

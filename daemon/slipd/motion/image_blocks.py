@@ -112,7 +112,7 @@ class ImageBlocks:
             self._sums[_LAST] = forces
         else:
             self._jump_count = self._jump_count * KEPT + 1.0
-        _add(self._sums, forces)
+        _add_image(self._sums, forces)
         self._wrenches.append(wrench)
         if t_ns - self._begun_ns < BLOCK_S * 1e9:
             return None
@@ -141,7 +141,7 @@ class ImageBlocks:
 
 
 @compiled
-def _add(sums: Array, forces: Array) -> None:
+def _add_image(sums: Array, forces: Array) -> None:
     """Add an image to that of the block and to the noise, and keep it."""
     for k in range(len(forces)):
         jump = forces[k] - sums[_LAST, k]
