@@ -26,6 +26,7 @@ from run_courses import (
 
 from slipd.devices.external import encode_reading
 from slipd.events import Bytes
+from slipd.motion.evidence import Evidence
 
 FINE = (
     LEFT.replace("rows = 4", "rows = 8")
@@ -98,6 +99,13 @@ def test_a_contact_that_creeps_over_the_pad_is_a_slip() -> None:
     assert 0.98 * after["mu_low"] < after["required_friction"] < after["mu_high"] < 0.5, "it slid under this load"
     hold(run, 1.0, 0.0, rng, x_m, across_n=0.8)
     assert run.level()[0] == "stable", "friction that was learned carries less"
+
+
+def test_weak_evidence_of_an_image_is_no_motion() -> None:
+    run = play(FINE, FREE)
+    finger = run.engine._fingers["left"]
+    finger.motion.found += [Evidence("image_change", 0, surprise) for surprise in (1.0, 2.0)]
+    assert run.engine._motion.update_finger(finger, finger.motion) == finger.motion.found == []
 
 
 @pytest.mark.parametrize("steps", [1, 4])

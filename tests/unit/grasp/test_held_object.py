@@ -135,6 +135,7 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
         RIG_OF_GRIPPER,
         [
             *(REST, named("glass"), move(1.0), held(unknown=""), RELEASED),
+            *(hold(30, mass_kg=1.2 * MASS_KG), unknown(object_estimate.NOT_MOVED), RELEASED),
             *(hold(30, mass_kg=0.9 * MASS_KG), unknown(object_estimate.NOT_MOVED)),
             *(hold(5), unknown(object_estimate.NOT_MOVED)),
             *(hold(12), WEIGHED, held(unknown="", com_m=pytest.approx(COM_M, abs=0.002))),

@@ -15,7 +15,7 @@ from plain_kernels import run_without_compilation
 from project import CONFIG, TRIAL
 from taxel_images import COLS, END_S, LOST_S, N_PER_COUNT, NOISE, OFFSET, ROWS, TAXELS, WIDE, counts, feed, swing, watch
 
-from slipd.signals import taxel_blocks, taxel_neighbours
+from slipd.signals import taxel_blocks, taxel_faults, taxel_neighbours
 from slipd.signals.taxel_health import TaxelHealth
 from slipd.tools.sim.scene_parts import Patch
 from slipd.types.arrays import Array
@@ -324,7 +324,7 @@ def test_T1_taxels_are_rated_the_same_by_kernels_that_are_not_compiled(monkeypat
     course.images[60:, 16:32] = course.images[60, 16:32]
     course.images[100:110] = course.images[100]
     compiled = course.watch()[1]
-    run_without_compilation(monkeypatch, taxel_blocks, taxel_neighbours)
+    run_without_compilation(monkeypatch, taxel_blocks, taxel_faults, taxel_neighbours)
     for (t_s, masked), (plain_t_s, plain) in zip(compiled, course.watch()[1], strict=True):
         assert t_s == plain_t_s
         assert_array_equal(masked, plain)
