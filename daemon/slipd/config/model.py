@@ -111,7 +111,7 @@ class GraspMotion(StrictModel):
             grip force refer to it. Wrong: too low, and the arm is slowed down too little; too high, too much.
         regrip_std_m: How far an object with a name (``object.set``) may be gripped from where it was in the grasp
             before, m, as a standard deviation of each component. Wrong: too low, and a lift may be too fast; too high,
-            and the advice before a lift is slow, or there is none.
+            and the advice before a lift is too slow, or unknown.
     """
 
     wanted_acceleration_mps2: float = Field(default=3.0, gt=0.0, le=49.0)

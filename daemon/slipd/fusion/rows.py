@@ -25,7 +25,7 @@ STABLE, CAUTION, WARNING = range(3)
 NO_CONTACT, SLIPPING, UNKNOWN = 0, 4, 5
 """Level codes beside those."""
 STUCK, GARBAGE, INTERMITTENT, NOT_FINITE = 1, 2, 4, 8
-"""Bits of the doubts about a reading, see `slipd.signals.frozen`."""
+"""Faults of a reading, as bits of its ``doubts``; see `slipd.signals.frozen`."""
 LOAD_DROP_BIT = 1
 """Bit of the evidence "load_drop", see `slipd.motion.evidence.EVIDENCE`."""
 UNSOLVED = -1

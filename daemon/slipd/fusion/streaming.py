@@ -52,7 +52,7 @@ class Reading(NamedTuple):
         wrench: (F, M) on the finger in the pad frame, N and N·m, shape (6,); M is NaN where the sensor measures none.
         t_s: Time, s.
         t_ns: The same, ns.
-        doubts: What speaks against the reading: bits.
+        doubts: Faults of the reading, as bits of `slipd.signals.frozen`; 0 without any.
         phase: PENDING, TOUCHING, FREE, PULLED, LATE or UNTRUSTED.
         contact: The contact; not valid unless TOUCHING.
         tipping_margin_m: Signed distance of the centroid to the outline of the contact, m; NaN without an image.

@@ -20,7 +20,7 @@ SAME_WIDTH_M, SAME_FORCE_N = 1e-3, 1.0
 
 
 def pressed_n(fingers: Mapping[str, Finger], t_ns: int) -> float | None:
-    """Return the largest normal force of a contact, N; None if there is none that is trusted."""
+    """Return the largest normal force of the trusted contacts, N; None without a trusted contact."""
     forces_n = (finger.presence.contact_force_n(t_ns) for finger in fingers.values())
     return max((force_n for force_n in forces_n if force_n is not None), default=None)
 

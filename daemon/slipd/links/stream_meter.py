@@ -60,7 +60,7 @@ class StreamMeter:
     Args:
         name: Name, e.g. ``left.wrench``.
         config: Its table of the config.
-        freshness: That of a finger's stream, which the finger keeps as it judges the readings; None: there is none.
+        freshness: Freshness that the finger updates with each verdict; None for a stream that belongs to no finger.
 
     Attributes:
         name: Its name.

@@ -261,7 +261,7 @@ def check_choice(name: str, value: object, known: Collection[object]) -> None:
     """Check an option of a decoder or session that has few values.
 
     Raises:
-        ValueError: It is none of them.
+        ValueError: The value is not one of the choices.
     """
     if value not in known:
         raise ValueError(f"{name} must be one of {', '.join(map(str, known))}, got {value!r}")

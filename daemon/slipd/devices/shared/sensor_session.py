@@ -57,7 +57,7 @@ class StartupSequence:
 
     Attributes:
         state: As above.
-        awaited: Name of the request whose answer is awaited; "" if there is none.
+        awaited: Name of the request whose answer is awaited; "" while none is.
         due_ns: When `on_time` is due; None while closed.
     """
 
