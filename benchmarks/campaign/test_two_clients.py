@@ -8,7 +8,7 @@ import pytest
 from campaign.two_clients import walk
 from gripper_peers import PEERS, Peer
 
-from slipd.gripper import motion_gate
+from slipd.gripper import grip_gate
 from slipd.requests.handlers import RequestHandlers
 
 pytestmark = pytest.mark.timeout(600)
@@ -35,7 +35,7 @@ def test_A9_nothing_is_moved_in_180_s(jaws: type[Peer], seed: int) -> None:
     ("owner", "name", "broken", "what"),
     [
         (RequestHandlers, "_check_steering", lambda *_: None, "without a true cause"),
-        (motion_gate, "TABLE", motion_gate.TABLE[1:], "without the lease"),
+        (grip_gate, "TABLE", grip_gate.TABLE[1:], "without the lease"),
     ],
     ids=["what the reflex acts on", "the lease"],
 )

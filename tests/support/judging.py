@@ -1,4 +1,4 @@
-"""The motion gate for tests of the grip policy alone: a ready gripper, and fingers that are trusted and free."""
+"""The grip gate for tests of the grip policy alone: a ready gripper, and fingers that are trusted and free."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import math
 from dataclasses import replace
 from typing import Any
 
+from slipd.gripper.grip_gate import judge
 from slipd.gripper.grip_policy import GripLimits, GripPolicy
 from slipd.gripper.intent import GripperState, Intent, IntentKind, Situation
-from slipd.gripper.motion_gate import judge
 from slipd.types.permit import Permit, Refusal
 
 LIMITS = GripLimits(min_n=3.0, max_n=25.0, step_n=2.0, raise_n_per_s=10.0, lower_n_per_s=2.0, budget_n=12.0)

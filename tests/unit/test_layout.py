@@ -15,7 +15,7 @@ LONGER = {
     "finger/finger.py": "the order of all steps from a reading to its verdict, and all that other rooms ask of it",
     "fusion/limit_surface.py": "each question about a contact has its whole contract and an example beside it",
     "fusion/loads.py": "likewise each rule that distributes a normal force",
-    "gripper/motion_rules.py": "one function for each rule of the gate",
+    "gripper/grip_rules.py": "one function for each rule of the gate",
 }
 """Longer files, and why."""
 

@@ -1,1 +1,1 @@
-"""One gripper: the motion gate and its rules, the grip policy, control, faults and the reflex; pure."""
+"""One gripper: the grip gate and its rules, the grip policy, control, faults and the reflex; pure."""

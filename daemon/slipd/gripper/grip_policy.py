@@ -1,6 +1,6 @@
 """State behind the grip rules: the lease, the force in force, the slew and budget spent, and the latched fault.
 
-The policy only keeps the state. `slipd.gripper.motion_gate` decides about motions, on the snapshot that
+The policy only keeps the state. `slipd.gripper.grip_gate` decides about motions, on the snapshot that
 `GripPolicy.state` returns. A rig without a gripper has a policy too, for its lease (`NoGripper`).
 """
 
@@ -103,7 +103,7 @@ class GripPolicy:
     # Forces
 
     def state(self, t_ns: int) -> GripState:
-        """Return the snapshot for the motion gate at ``t_ns``."""
+        """Return the snapshot for the grip gate at ``t_ns``."""
         now_ns = self.lease.now(t_ns)
         return GripState(
             holder=self.lease.holder(t_ns),

@@ -1,6 +1,6 @@
 """Control of one gripper: intents in, permitted commands out, and the state that the gripper reports.
 
-`slipd.gripper.motion_gate` decides whether a motion may happen; only what it permits is sent.
+`slipd.gripper.grip_gate` decides whether a motion may happen; only what it permits is sent.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from typing import cast
 from slipd.config import Gripper as GripperConfig
 from slipd.devices import GripperSession
 from slipd.finger.finger import Finger
+from slipd.gripper.grip_gate import judge, why_not_sent
 from slipd.gripper.grip_in_force import GripInForce, not_free
 from slipd.gripper.grip_policy import GripLimits, GripPolicy
+from slipd.gripper.grip_rules import PUT_DOWN
 from slipd.gripper.gripper_faults import COMMAND_LOST, LINK_LOST, NO_ANSWER, GripperFaultDetector
 from slipd.gripper.intent import GripperState, Intent, IntentKind, Situation
-from slipd.gripper.motion_gate import judge, why_not_sent
-from slipd.gripper.motion_rules import PUT_DOWN
 from slipd.types.arrays import finite_or_none
 from slipd.types.permit import Permit, Refusal
 from slipd.types.samples import GripperSample
@@ -39,12 +39,12 @@ ARRIVED_M = 5e-4
 
 
 class GripperControl:
-    """One gripper: turns what the motion gate permits into commands of its session.
+    """One gripper: turns what the grip gate permits into commands of its session.
 
     Args:
         config: ``[gripper]``.
         session: Session with the gripper.
-        fingers: The fingers by name; their contact state is an input of the motion gate.
+        fingers: The fingers by name; their contact state is an input of the grip gate.
 
     Attributes:
         policy: The lease, the limits, the force in force and the latched fault.
@@ -126,7 +126,7 @@ class GripperControl:
         speed_mps: float | None = None,
         drop: bool = False,
     ) -> Refusal | None:
-        """Carry out an intent if the motion gate permits it; see `Intent` for the arguments.
+        """Carry out an intent if the grip gate permits it; see `Intent` for the arguments.
 
         Returns:
             Why it was refused, and then nothing has changed; None where it was carried out.
@@ -199,7 +199,7 @@ class GripperControl:
             self._goals_m = None
 
     def _situation(self, t_ns: int) -> Situation:
-        """Return the input of the motion gate."""
+        """Return the input of the grip gate."""
         sample, session = self.sample, self.session
         gripper = GripperState(
             answers=sample is not None,

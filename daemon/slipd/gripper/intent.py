@@ -1,4 +1,4 @@
-"""Input of the motion gate: the wanted motion and the situation in which it is judged; plain and immutable."""
+"""Input of the grip gate: the wanted motion and the situation in which it is judged; plain and immutable."""
 
 from __future__ import annotations
 

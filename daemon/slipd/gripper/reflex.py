@@ -54,7 +54,7 @@ class Reflex:
     Args:
         config: ``[reflex]``.
         policy: The force in force, the force that a client requested, and what limits, step, rate and budget leave. The
-            motion gate decides whether an act may happen.
+            grip gate decides whether an act may happen.
     """
 
     def __init__(self, config: ReflexConfig, policy: GripPolicy) -> None:

@@ -1,6 +1,6 @@
 """Handlers of the requests about the lease, the gripper and motions of the arm.
 
-Each motion of the gripper becomes an intent for the motion gate. The check whether the grip holds a motion of the arm
+Each motion of the gripper becomes an intent for the grip gate. The check whether the grip holds a motion of the arm
 moves nothing, and changes nothing.
 """
 

@@ -1,6 +1,6 @@
 """Permission for one motion, or the refusal of a request.
 
-A gripper session carries out a permit and nothing else. Only the motion gate (`slipd.gripper.motion_gate`) issues
+A gripper session carries out a permit and nothing else. Only the grip gate (`slipd.gripper.grip_gate`) issues
 permits, after it has judged an intent against every rule in docs/grip_rules.md. This module is a leaf, so that sessions
 depend on the permit and not on the gate, and every room can refuse.
 """

@@ -71,7 +71,7 @@ class GripperSession(Session, Protocol):
           dropped; a force that is not sent yet may still be sent.
 
         Args:
-            permit: Permit of the motion gate.
+            permit: Permit of the grip gate.
             now_ns: Time of the call.
 
         Returns:

@@ -1,6 +1,6 @@
-"""The rules of the motion gate: each returns why an intent may not be carried out, or None.
+"""The rules of the grip gate: each returns why an intent may not be carried out, or None.
 
-Which kinds of intent a rule binds, and in which order rules are checked, is in `slipd.gripper.motion_gate.TABLE`.
+Which kinds of intent a rule binds, and in which order rules are checked, is in `slipd.gripper.grip_gate.TABLE`.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from slipd.gripper import motion_rules as rules
+from slipd.gripper import grip_rules as rules
 from slipd.gripper.intent import Intent, IntentKind, Situation
 from slipd.types.permit import Permit, Refusal
 

@@ -14,9 +14,9 @@ import pytest
 from judging import LIMITS, READY
 
 import slipd
+from slipd.gripper.grip_gate import KINDS, judge, why_not_sent
 from slipd.gripper.grip_policy import GripLimits, GripState, NoGripper
 from slipd.gripper.intent import Intent, IntentKind, Situation
-from slipd.gripper.motion_gate import KINDS, judge, why_not_sent
 from slipd.types.permit import Permit, Refusal
 
 FREE = GripState(
@@ -275,7 +275,7 @@ def callers(function: str) -> set[str]:
 
 @pytest.mark.uncovered
 def test_only_the_gate_issues_permits_and_only_the_gripper_control_hands_them_to_a_session() -> None:
-    assert callers("Permit") == {"gripper/motion_gate.py"}
+    assert callers("Permit") == {"gripper/grip_gate.py"}
     assert callers("session.execute") == {"gripper/gripper_control.py"}
     assert not any(callers(f"session.{method}") for method in ("activate", "move", "set_force", "halt"))
 
