@@ -63,8 +63,7 @@ class Request:
     body: dict[str, Any]
 
 
-@dataclass(slots=True, frozen=True)
-class Tick:
+class Tick(NamedTuple):
     """Time passed.
 
     Attributes:

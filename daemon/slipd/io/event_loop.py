@@ -60,18 +60,19 @@ class Ticker:
         self._ticked_ns: int | None = None
 
     async def run(self) -> None:
-        """Tick until cancelled."""
-        loop = asyncio.get_running_loop()
-        due_s, quiet = loop.time(), False
-        while True:
-            self._tick(quiet=quiet)
-            due_s = max(due_s + TICK_S, loop.time())
-            if self._unread:
-                quiet = await self._wait_until_quiet()
-            else:
-                await asyncio.sleep(due_s - loop.time())
+        """Tick until cancelled; an exception of ``handle`` goes to the loop's exception handler and ends the ticks.
 
-    def _tick(self, *, quiet: bool) -> None:
+        Each tick is a callback: a task that sleeps would turn the loop twice for it.
+        """
+        self._loop = asyncio.get_running_loop()
+        self._due_s = self._loop.time()
+        self._next = self._loop.call_soon(self._tick)
+        try:
+            await self._loop.create_future()
+        finally:
+            self._next.cancel()
+
+    def _tick(self) -> None:
         t_ns = time.monotonic_ns()  # read first, so that the time in suspend is never negative
         suspended_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME) - t_ns
         raw_ns = time.clock_gettime_ns(time.CLOCK_MONOTONIC_RAW)
@@ -80,25 +81,36 @@ class Ticker:
             raw_ns = 0
         elif abs(wall_ns - (self._moved_ns or self._begun_ns)) > WALL_STEP_NS:
             self._moved_ns = wall_ns
-        late = self._ticked_ns is not None and t_ns - self._ticked_ns > LATE_NS
-        self._unread = late or (self._unread and not quiet)
+        if self._ticked_ns is not None and t_ns - self._ticked_ns > LATE_NS:
+            self._unread = True
         self._ticked_ns = t_ns
         self._handle(Tick(suspended_ns, self._unread, raw_ns, self._moved_ns), t_ns)
+        self._due_s = max(self._due_s + TICK_S, self._loop.time())
+        if self._unread:
+            self._next = self._loop.call_later(QUIET_AFTER_S, self._begin_turns)
+        else:
+            self._next = self._loop.call_at(self._due_s, self._tick)
 
-    async def _wait_until_quiet(self) -> bool:
-        """Turn the loop until nothing enters the engine; return False if events still enter after TICK_S.
+    def _begin_turns(self) -> None:
+        """Turn the loop until nothing enters the engine, or TICK_S is over; each turn reads all lines that have bytes."""
+        until_s = self._loop.time() + TICK_S  # not before: the wait itself may have taken longer
+        self._next = self._loop.call_soon(self._turn, until_s, self._event_count(), 0)
 
-        Each turn polls all lines and reads from those that have bytes.
+    def _turn(self, until_s: float, before: int, quiet: int) -> None:
+        """End one more turn, and tick after the last.
+
+        Args:
+            until_s: Time of the loop after which there are no more turns.
+            before: Number of events that had entered the engine before this turn.
+            quiet: Number of turns without an event until then.
         """
-        loop = asyncio.get_running_loop()
-        await asyncio.sleep(QUIET_AFTER_S)
-        until_s = loop.time() + TICK_S  # the sleep itself may have taken longer
-        turns = 0
-        while turns < QUIET_TURNS and loop.time() < until_s:
-            before = self._event_count()
-            await asyncio.sleep(0)
-            turns = turns + 1 if self._event_count() == before else 0
-        return turns >= QUIET_TURNS
+        events = self._event_count()
+        quiet = quiet + 1 if events == before else 0
+        if quiet < QUIET_TURNS and self._loop.time() < until_s:
+            self._next = self._loop.call_soon(self._turn, until_s, events, quiet)
+        else:
+            self._unread = quiet < QUIET_TURNS
+            self._tick()
 
 
 HOW_TO_PERMIT = (

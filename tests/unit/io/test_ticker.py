@@ -8,13 +8,14 @@ import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from itertools import pairwise
+from typing import Any
 
 import pytest
 from loop_waits import eventually
 
 from slipd.events import Tick
 from slipd.finger.freshness import LATE_NS
-from slipd.io.event_loop import Ticker
+from slipd.io.event_loop import TICK_S, Ticker
 
 WAITING = 200
 
@@ -83,3 +84,18 @@ async def test_C4_P3_a_line_that_is_never_empty_never_counts_as_read() -> None:
         before = len(line.ticks)
         await line.some_ticks(5)
     assert {tick.unread for _, tick, _ in line.ticks[before:]} == {True}
+
+
+async def test_a_tick_that_fails_reaches_the_handler_of_the_loop_and_is_the_last(
+    loop_faults: list[dict[str, Any]],
+) -> None:
+    def fail(tick: Tick, _: int) -> None:
+        ticks.append(tick)
+        raise ValueError("failed")
+
+    ticks: list[Tick] = []
+    ticker = asyncio.create_task(Ticker(fail, lambda: 0, 0).run())
+    await eventually(lambda: bool(loop_faults))
+    await asyncio.sleep(4 * TICK_S)
+    ticker.cancel()
+    assert (len(ticks), str(loop_faults.pop()["exception"])) == (1, "failed")
