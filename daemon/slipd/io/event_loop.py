@@ -92,7 +92,7 @@ class Ticker:
             self._next = self._loop.call_at(self._due_s, self._tick)
 
     def _begin_turns(self) -> None:
-        """Turn the loop until nothing enters the engine, or TICK_S is over; each turn reads all lines that have bytes."""
+        """Turn the loop until nothing enters the engine, for at most TICK_S; each turn reads lines that have bytes."""
         until_s = self._loop.time() + TICK_S  # not before: the wait itself may have taken longer
         self._next = self._loop.call_soon(self._turn, until_s, self._event_count(), 0)
 

@@ -78,9 +78,9 @@ class Link:
         self._reported = ""
         self._latency = ""
         self._logged: deque[str] = deque(maxlen=LINES_HELD)
-        self._device_reads, self._received = True, False
+        self._device_reads = True
         self._delay_s = FIRST_DELAY_S
-        self._pieces = 0
+        self._pieces = 0  # delivered by the newest connection
         self._looked: tuple[int, bool] = 0, False
 
     @property
@@ -151,7 +151,7 @@ class Link:
 
     async def _serve(self, connection: Connection, answer: bytes) -> str:
         self._connection = connection
-        self._device_reads, self._received = True, False
+        self._device_reads, self._pieces = True, 0
         opened_s = time.monotonic()
         self._reported = ""
         self._log_once(logging.INFO, f"open ({connection.identity})")
@@ -168,7 +168,7 @@ class Link:
         finally:
             self._connection = None
             self._overruns += connection.overruns
-            if self._received:
+            if self._pieces:
                 self._logged.clear()
                 # a device that opens, sends something and dies at once keeps its growing pause
                 if time.monotonic() - opened_s >= STEADY_S:
@@ -182,14 +182,13 @@ class Link:
             self._log(logging.WARNING, f"closing failed: {type(error).__name__}: {error}")
 
     def _deliver(self, data: bytes) -> None:
-        self._received = True
         self._pieces += 1
         self._on_event(Bytes(self._spec.name, data))
 
     def _report_down(self, reason: str) -> None:
         if reason != self._reported:
             self._reported = reason
-            self._log_once(logging.WARNING, reason, slipd_fault="stream-fault" if self._received else "stream-missing")
+            self._log_once(logging.WARNING, reason, slipd_fault="stream-fault" if self._pieces else "stream-missing")
             self._on_event(LinkDown(self._spec.name, reason))
 
     def _log_once(self, level: int, line: str, **fields: str) -> None:

@@ -1,7 +1,7 @@
 """The server's side of one ZMTP connection, without a socket: bytes in, events and bytes out (RFC 23, 26 and 37).
 
-The caller passes what it received to `Connection.receive_data`, takes events until none is left, and sends what
-`Connection.data_to_send` returns. Only the bytes of one read, one frame, the first frames of one message and a bounded
+The caller passes what it received to `Connection.receive_data`, takes events until none is left, and sends
+`Connection.unsent`. Only the bytes of one read, one frame, the first frames of one message and a bounded
 queue of messages are kept. Why this is not libzmq: docs/decisions.md, 10.
 """
 
@@ -95,6 +95,7 @@ class Connection:
         state: See `State`.
         kind: Socket type of the peer, once open.
         route: Name that the peer chose, once open; b"" if it chose none.
+        unsent: Bytes to send next, about WRITE_BYTES at most.
     """
 
     def __init__(self, mechanism: Null, rules: PeerRules) -> None:
@@ -106,7 +107,7 @@ class Connection:
         self._most_bytes = MAX_HANDSHAKE_BYTES
         self._frames: list[bytes] = []
         self._count = 0
-        self._out = encode_greeting(mechanism.name, as_server=mechanism.name == b"CURVE")
+        self.unsent = encode_greeting(mechanism.name, as_server=mechanism.name == b"CURVE")
         # unencoded, so that all slow subscribers share one copy of each message
         self._queue: deque[Message] = deque(maxlen=rules.most_queued if rules.drops_oldest else None)
         self._most_queued = sys.maxsize if rules.drops_oldest else rules.most_queued
@@ -119,7 +120,7 @@ class Connection:
     @property
     def waiting(self) -> int:
         """Number of messages to send, including a partially sent one."""
-        return len(self._queue) + bool(self._out)
+        return len(self._queue) + bool(self.unsent)
 
     def receive_data(self, data: bytes) -> None:
         """Append received bytes."""
@@ -144,26 +145,25 @@ class Connection:
         except ProtocolError as error:
             self.state = State.CLOSED
             if isinstance(error, KeyRefusedError):
-                self._out += error.reply
+                self.unsent += error.reply
             raise
 
     def send(self, message: Message) -> bool:
-        """Queue a message; return False if the queue is full and keeps the messages that it has."""
-        if len(self._queue) >= self._most_queued:
+        """Encode a message, or queue it behind unsent ones; return False if the queue is full and keeps those it has."""
+        if not self.unsent:
+            self.unsent = self._seal(message)
+        elif len(self._queue) < self._most_queued:
+            self._queue.append(message)
+        else:
             return False
-        self._queue.append(message)
         return True
 
-    def data_to_send(self) -> bytes:
-        """Return bytes to send: the rest of those before, and about WRITE_BYTES of the queue at most."""
-        while self._queue and len(self._out) < WRITE_BYTES:
-            self._out += self._seal(self._queue.popleft())
-        return self._out
-
     def sent(self, count: int) -> bool:
-        """Note how many of the bytes to send were sent; return whether something is left."""
-        self._out = self._out[count:]
-        return bool(self._out or self._queue)
+        """Note how many of the unsent bytes were sent, and take more from the queue; return whether some are left."""
+        self.unsent = self.unsent[count:]
+        while self._queue and len(self.unsent) < WRITE_BYTES:
+            self.unsent += self._seal(self._queue.popleft())
+        return bool(self.unsent)
 
     def _greet(self) -> Event:
         if len(self._received) < GREETING_BYTES:
@@ -188,7 +188,7 @@ class Connection:
         return handle(self, body)
 
     def _step(self, data: bytes) -> Event:
-        self._out += self._mechanism.handshake(data)
+        self.unsent += self._mechanism.handshake(data)
         return Event.PART
 
     def _last_step(self, data: bytes) -> Event:
@@ -219,7 +219,7 @@ class Connection:
         """Answer a PING, unless something waits: answers must not pile up for a peer that does not read."""
         if not self.waiting:
             pong = encode_command(b"PONG", data[_PING_HEAD : _PING_HEAD + _MAX_PING_CONTEXT])
-            self._out += self._seal((pong,), COMMAND)
+            self.unsent += self._seal((pong,), COMMAND)
         return Event.COMMAND
 
     def _subscribe(self, prefix: bytes) -> list[bytes]:

@@ -82,7 +82,7 @@ class Peer:
 
     def flush(self) -> None:
         """Pass as much to the kernel as it accepts; the loop calls this again when it accepts more."""
-        data = self.protocol.data_to_send()
+        data = self.protocol.unsent
         if self.closed or not data:
             return
         try:

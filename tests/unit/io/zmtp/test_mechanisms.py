@@ -174,7 +174,7 @@ def wire_of(name: bytes, data: bytes) -> bytes:
 def connection(server: Curve) -> Connection:
     """After its greeting was sent."""
     connection = Connection(server, PeerRules(b"XPUB", frozenset({b"SUB"}), max_bytes=4))
-    assert connection.data_to_send() == encode_greeting(b"CURVE", as_server=True)
+    assert connection.unsent == encode_greeting(b"CURVE", as_server=True)
     connection.sent(64)
     return connection
 
@@ -185,7 +185,7 @@ def greeted(connection: Connection) -> Client:
     client = Client()
     connection.receive_data(GREETING + wire_of(b"HELLO", client.hello()))
     assert [connection.next_event() for _ in range(3)] == [Event.PART, Event.PART, Event.NEED_DATA]
-    client.welcome(connection.data_to_send())
+    client.welcome(connection.unsent)
     return client
 
 
@@ -214,5 +214,5 @@ def test_a_client_whose_key_is_refused_gets_the_reason(connection: Connection, g
     connection.receive_data(wire_of(b"INITIATE", greeted.initiate(key=OTHER, claimed=OTHER[0])))
     with pytest.raises(KeyRefusedError, match="not allowed"):
         connection.next_event()
-    assert connection.data_to_send().endswith(b"\x04\x0a\x05ERROR\x03400")
+    assert connection.unsent.endswith(b"\x04\x0a\x05ERROR\x03400")
     assert (server.key, connection.state) == (b"", State.CLOSED)
