@@ -149,7 +149,7 @@ class Connection:
             raise
 
     def send(self, message: Message) -> bool:
-        """Encode a message, or queue it behind unsent ones; return False if the queue is full and keeps those it has."""
+        """Encode a message, or queue it behind what is unsent; return False if the queue is full and drops none."""
         if not self.unsent:
             self.unsent = self._seal(message)
         elif len(self._queue) < self._most_queued:
