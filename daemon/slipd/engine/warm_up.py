@@ -16,7 +16,9 @@ from slipd.fusion.levels import ContactWatch
 from slipd.fusion.motion_limits import nearest_limit, worst_turn
 from slipd.fusion.motion_scale import check_points, follow_gravity, largest_scale
 from slipd.fusion.streaming import move_to_pad, new_readings
-from slipd.motion.image_blocks import ImageBlocks, LoadNoise
+from slipd.motion.image_blocks import BLOCK_S, ImageBlocks, LoadNoise
+from slipd.motion.image_fit import ImageComparison
+from slipd.motion.image_shift import ImageShift
 from slipd.signals.charge_reconstruction import ChargeReconstruction
 from slipd.signals.force_image_agreement import Agreement
 from slipd.signals.pad import PadGeometry
@@ -38,7 +40,7 @@ def warm_up() -> None:
     health = TaxelHealth(2, 2)
     for k in range(WINDOW + 1):
         health.update(np.zeros(4), k * BLOCK_NS, None, None)
-    ImageBlocks(PadGeometry(2, 2, 0.01, 0.005), LoadNoise(0.0, 0.0)).update(0, np.zeros(4), (0.0,) * 6)
+    _look_for_motion()
     _judge_contact()
     _advise_motion(x, y, np.full(4, 0.25))
 
@@ -57,6 +59,18 @@ def _judge_contact() -> None:
             for batch in finger.decide(read, [sample.t_ns for sample in read]):
                 batch[-1].needed_normal_n(finger.config)
     cast("ImageChannel", finger.image).shape()
+
+
+def _look_for_motion() -> None:
+    """Compare two blocks of images of a contact that rests."""
+    geometry, noise = PadGeometry(2, 2, 0.01, 0.005), LoadNoise(0.0, 0.0)
+    shift, blocks = ImageShift(geometry, noise), ImageBlocks(geometry, noise)
+    for k in range(9):
+        t_ns, image, wrench = k * round(BLOCK_S * 1e9), np.ones(4), (0.1, 0.0, -1.0, 0.0, 0.0, 0.0)
+        shift.update(t_ns, image, wrench)
+        block = blocks.update(t_ns, image, wrench)
+    if block is not None:
+        ImageComparison(geometry).shows_shift(block, block, np.zeros(3))
 
 
 def _advise_motion(x: Array, y: Array, loads: Array) -> None:

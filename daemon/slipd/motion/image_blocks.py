@@ -65,14 +65,9 @@ class Block(NamedTuple):
 
         Args:
             other: The later block.
-            moved_m: How far the contact is known to have moved until then, and its centroid with it, shape (2,), m.
+            moved_m: How far the contact is known to have moved along X and Y until then, and its centroid with it, m.
         """
-        change = other.load - self.load
-        change[4:] -= moved_m
-        fx, fy = self.load.item(0), self.load.item(1)
-        if fx * change.item(0) + fy * change.item(1) > self.rise_n * math.hypot(fx, fy):
-            return False
-        return not (np.abs(change) > other.tolerance).any()  # NaN, not measured, does not differ
+        return is_same_load(self.load, other.load, moved_m, other.tolerance, self.rise_n)
 
     @property
     def tangential(self) -> tuple[float, float, float]:
@@ -116,28 +111,22 @@ class ImageBlocks:
         self._wrenches.append(wrench)
         if t_ns - self._begun_ns < BLOCK_S * 1e9:
             return None
-        wrenches = np.array(self._wrenches)
-        image = self._sums[_TOTAL] / len(wrenches)
-        self._sums[_TOTAL] = 0.0
-        self._begun_ns, self._wrenches = t_ns, []
-        load = _load(wrenches.mean(axis=0))
-        if t_ns - self._since_ns < SETTLED_S * 1e9 or not (load[2] > 0.0 and np.isfinite(image).all()):
+        settled = t_ns - self._since_ns >= SETTLED_S * 1e9
+        wrenches, self._wrenches, self._begun_ns = np.array(self._wrenches), [], t_ns
+        (image, variance), load = np.empty((2, len(forces))), np.empty(6)
+        spread, spread_normal = _end_block(self._sums, wrenches, max(self._jump_count, 1.0), image, variance, load)
+        if not settled or math.isnan(spread):
             return None
-        tolerance = self._tolerance(load)
-        if not (np.ptp(wrenches[:, :3], axis=0) <= 2.0 * tolerance[:3]).all():
-            return None
-        count = len(wrenches)
-        variance = self._sums[_JUMPS] / (2.0 * max(self._jump_count, 1.0) * count)
-        rise_n = RISE_SHARE * math.hypot(load[0], load[1]) + self._noise_n / math.sqrt(count)
-        return Block(t_ns, image, variance, load, tolerance, rise_n, wrenches, usable)
-
-    def _tolerance(self, load: Array) -> Array:
-        """Return how far another load may differ from this one and still be the same, shape (6,)."""
-        fx, fy, normal, _, _, _ = load.tolist()
-        tangential = max(SAME_SHARE * math.hypot(fx, fy), SAME_NORMAL_SHARE * normal)
+        fx, fy, normal = load[:3].tolist()
+        load_n = math.hypot(fx, fy)
+        tangential, squeeze = max(SAME_SHARE * load_n, SAME_NORMAL_SHARE * normal), GRIP_SHARE * normal + self._noise_n
         along, centroid = tangential + self._noise_n, SAME_CENTROID_M + self._noise_nm / normal
+        if spread > 2.0 * along or spread_normal > 2.0 * squeeze:
+            return None
         spin = self._reach_m * tangential + self._noise_nm
-        return np.array((along, along, GRIP_SHARE * normal + self._noise_n, spin, centroid, centroid))
+        tolerance = np.array((along, along, squeeze, spin, centroid, centroid))
+        rise_n = RISE_SHARE * load_n + self._noise_n / math.sqrt(len(wrenches))
+        return Block(t_ns, image, variance, load, tolerance, rise_n, wrenches, usable)
 
 
 @compiled
@@ -150,10 +139,53 @@ def _add_image(sums: Array, forces: Array) -> None:
         sums[_LAST, k] = forces[k]
 
 
-def _load(wrench: Array) -> Array:
-    """Return the load of a wrench, as in `Block`; its torque may be NaN."""
-    fx, fy, fz, mx, my, mz = wrench.tolist()
-    if fz == 0.0:
-        return np.full(6, math.nan)
-    cx, cy = -my / fz, mx / fz
-    return np.array((fx, fy, -fz, mz - (cx * fy - cy * fx), cx, cy))
+@compiled
+def _end_block(
+    sums: Array, wrenches: Array, jump_count: float, image: Array, variance: Array, load: Array
+) -> tuple[float, float]:
+    """Fill in what was averaged over a block, and begin the next one.
+
+    Args:
+        sums: Of the images; that of the block is cleared.
+        wrenches: Wrench of each image, shape (k, 6); its torque may be NaN.
+        jump_count: Number of the averaged squares in ``sums``.
+        image: Filled as ``image`` of `Block`.
+        variance: Likewise.
+        load: Likewise.
+
+    Returns:
+        Range of the tangential force in the block, along X or Y, and that of the normal force; NaN: the force or the
+        image is not known, or nothing presses.
+    """
+    count, mean, spread = len(wrenches), np.zeros(6), np.zeros(6)
+    for i in range(6):
+        lowest = highest = wrenches[0, i]
+        for k in range(count):
+            mean[i] += wrenches[k, i]
+            lowest, highest = min(lowest, wrenches[k, i]), max(highest, wrenches[k, i])
+        mean[i] /= count
+        spread[i] = highest - lowest
+    fx, fy, fz = mean[0], mean[1], mean[2]
+    known = math.isfinite(fx) and math.isfinite(fy) and fz < 0.0
+    for i in range(len(image)):
+        image[i], variance[i] = sums[_TOTAL, i] / count, sums[_JUMPS, i] / (2.0 * jump_count * count)
+        sums[_TOTAL, i] = 0.0
+        known = known and math.isfinite(image[i])
+    cx, cy = -mean[4] / fz, mean[3] / fz
+    load[0], load[1], load[2], load[3], load[4], load[5] = fx, fy, -fz, mean[5] - (cx * fy - cy * fx), cx, cy
+    return (max(spread[0], spread[1]), spread[2]) if known else (math.nan, math.nan)
+
+
+@compiled
+def is_same_load(load: Array, later: Array, moved_m: Array, tolerance: Array, rise_n: float) -> bool:
+    """Return whether a later load is the same, see `Block.same_load`; what is NaN, not measured, does not differ."""
+    along = 0.0
+    for i in range(6):
+        change = later[i] - load[i]
+        if i < 2:
+            along += load[i] * change
+        if i >= 4:
+            change -= moved_m[i - 4]
+        if abs(change) > tolerance[i]:
+            return False
+    return not along > rise_n * math.hypot(load[0], load[1])

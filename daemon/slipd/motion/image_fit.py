@@ -20,9 +20,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from slipd.fusion.compiled import compiled
 from slipd.motion.image_blocks import Block
 from slipd.signals.pad import PadGeometry
-from slipd.types.arrays import Array
+from slipd.types.arrays import Array, Indices, Mask
 
 MODES, MOTIONS = 8, 3
 """Ways in which an image changes: gain, two of tilt, two of growth; then the motions: two of shift, and the turn."""
@@ -44,7 +45,9 @@ LEAST_TAXELS = 10
 STDS = 5.0
 """The share must exceed 0 by this many standard deviations of the noise."""
 
-_DIAGONAL = np.diag_indices(MODES)
+_MEAN, _VARIANCE, _SLOPE_X, _SLOPE_Y = range(4)
+"""What `compare_taxels` finds of each taxel: mean of both images, variance of their difference by noise and errors of
+the model, infinite outside the contact, and the slopes of the mean along X and Y, per m."""
 
 
 class ImageFit(NamedTuple):
@@ -77,49 +80,25 @@ class ImageComparison:
     """
 
     def __init__(self, geometry: PadGeometry) -> None:
-        self._x, self._y = geometry.positions()
+        self._x, self._y = self._places = np.array(geometry.positions())
         self._sides = west, east, south, north = geometry.sides()
-        self._wide_m = np.maximum(self._x[east] - self._x[west], geometry.pitch_m)
-        self._high_m = np.maximum(self._y[north] - self._y[south], geometry.pitch_m)
+        self._spans = np.maximum((self._x[east] - self._x[west], self._y[north] - self._y[south]), geometry.pitch_m)
+        self._all = np.ones(geometry.taxels, dtype=bool)
 
     def fit(self, before: Block, after: Block) -> ImageFit | None:
         """Fit the change from one block to a later one; None where too few taxels take part."""
-        variance = self._variance(before, after)
-        used = np.isfinite(variance)
-        freedom = int(np.count_nonzero(used)) - MODES
-        mean = 0.5 * (before.image + after.image)
-        load = np.maximum(mean[used], 0.0)
-        total = float(load.sum())
-        if freedom <= 0 or not total > 0.0:
+        shift_m, precision, taxels = np.empty(MOTIONS), np.empty((MOTIONS, MOTIONS)), self._compare(before, after)
+        found = fit_change(after.image - before.image, taxels, self._places, shift_m, precision)
+        freedom, scale, radius_m, tilt, growth_x_m, growth_y_m = found
+        if not freedom:
             return None
-        x, y = self._x[used], self._y[used]
-        x, y = x - load @ x / total, y - load @ y / total
-        xx, yy = float(load @ (x * x)) / total, float(load @ (y * y)) / total
-        radius_m = math.sqrt(xx + yy)
-        if radius_m == 0.0:  # pragma: no cover - four loaded taxels never stand at one place
-            return None
-        slope_x, slope_y = (slope[used] for slope in self._slopes(mean))
-        load = mean[used]
-        load_modes = (load, load * x / radius_m, load * y / radius_m, x * slope_x, y * slope_y)
-        motions = (-slope_x, -slope_y, (y * slope_x - x * slope_y) / radius_m)
-        weight = 1.0 / np.sqrt(variance[used])
-        modes = weight * np.array(load_modes + motions)
-        change = weight * (after.image - before.image)[used]
-        normal = modes @ modes.T
-        normal[_DIAGONAL] = normal[_DIAGONAL] * (1.0 + 1e-9) + 1e-300  # a pad of one row shows nothing across it
-        inverse = np.linalg.inv(normal)
-        amount = inverse @ (modes @ change)
-        rest = change - amount @ modes
-        growth_m = abs(float(amount[3])) * math.sqrt(3.0 * xx), abs(float(amount[4])) * math.sqrt(3.0 * yy)
-        return ImageFit(
-            amount[-MOTIONS:],
-            np.linalg.inv(inverse[-MOTIONS:, -MOTIONS:]),
-            growth_m,
-            float(rest @ rest) / freedom,
-            freedom,
-            radius_m,
-            math.hypot(amount[1], amount[2]),
-        )
+        return ImageFit(shift_m, precision, (growth_x_m, growth_y_m), scale, freedom, radius_m, tilt)
+
+    def _compare(self, before: Block, after: Block) -> Array:
+        """Return what two blocks show of each taxel, see `_MEAN`; shape (4, n)."""
+        taxels, usable = np.empty((4, len(self._all))), self._all if after.usable is None else after.usable
+        compare_taxels(before.image, after.image, after.variance, usable, MODEL_SHARE, self._sides, self._spans, taxels)
+        return taxels
 
     def growth_m(self, fit: ImageFit, before: Block, after: Block) -> tuple[float, float]:
         """Return how far growth, or a gap that opens or closes, may have moved one edge along X and Y, m.
@@ -153,14 +132,12 @@ class ImageComparison:
         Args:
             before: The earlier block.
             after: The later one.
-            shift_m: The shift, shape (2,), m; not zero.
+            shift_m: The shift along X and Y, m; not zero.
         """
-        variance = self._variance(before, after)
+        mean, variance, slope_x, slope_y = self._compare(before, after)
         used = np.isfinite(variance)
         if np.count_nonzero(used) < LEAST_TAXELS:
             return False
-        mean = 0.5 * (before.image + after.image)
-        slope_x, slope_y = self._slopes(mean)
         by_shift = -(shift_m[0] * slope_x + shift_m[1] * slope_y)
         changes = np.stack((after.image - before.image, by_shift), axis=1)[used]
         x, y, load = self._x[used] - self._x[used].mean(), self._y[used] - self._y[used].mean(), mean[used]
@@ -176,18 +153,145 @@ class ImageComparison:
         like_a_shift = of_both > LEAST_CORRELATION * math.sqrt(of_change * of_shift)
         return bool(share > LEAST_LEFT and like_a_shift and of_both > max(LEAST_SHARE * of_shift, noise))
 
-    def _slopes(self, image: Array) -> tuple[Array, Array]:
-        """Return the slopes of an image along X and Y, each shape (n,), per m."""
-        west, east, south, north = self._sides
-        return (image[east] - image[west]) / self._wide_m, (image[north] - image[south]) / self._high_m
 
-    def _variance(self, before: Block, after: Block) -> Array:
-        """Return the variance of the difference of two blocks by noise and errors of the model; infinity outside."""
-        mean = 0.5 * (before.image + after.image)
-        most = float(mean.max())
-        on = mean > (ACTIVE_SHARE * mean[mean > 0.1 * most].mean() if most > 0.0 else math.inf)
-        near = on | on[self._sides].any(axis=0)
-        noise = np.maximum(after.variance, after.variance[near].mean() if near.any() else math.inf)
-        variance: Array = 2.0 * noise + (MODEL_SHARE * mean) ** 2 + (1e-6 * most) ** 2
-        variance[~near if after.usable is None else ~(near & after.usable)] = math.inf
-        return variance
+@compiled
+def compare_taxels(
+    before: Array, after: Array, noise: Array, usable: Mask, model_share: float, sides: Indices, spans: Array,
+    taxels: Array,
+) -> None:  # fmt: skip
+    """Fill in what two images show of each taxel.
+
+    Args:
+        before: The earlier image, shape (n,).
+        after: The later one, shape (n,).
+        noise: Variance of one of them by noise, shape (n,); a taxel that shows less has the mean of the contact.
+        usable: Taxels that measure by themselves, shape (n,).
+        model_share: Share of its load by which a taxel may differ from the model.
+        sides: Neighbours of each taxel, as `PadGeometry.sides`.
+        spans: Distance of those along X, and of those along Y, shape (2, n), m.
+        taxels: Filled, see `_MEAN`; shape (4, n).
+    """
+    count, mean = len(before), taxels[_MEAN]
+    near, most, loads, loaded = np.zeros(count, np.bool_), 0.0, 0.0, 0
+    for k in range(count):
+        mean[k] = 0.5 * (before[k] + after[k])
+        most = max(most, mean[k])
+    for k in range(count):
+        if mean[k] > 0.1 * most:
+            loads += mean[k]
+            loaded += 1
+    least = ACTIVE_SHARE * loads / loaded if loaded > 0 else math.inf
+    for k in range(count):
+        if mean[k] > least:
+            near[k] = True
+            for side in sides[:, k]:
+                near[side] = True
+    common, inside = 0.0, 0
+    for k in range(count):
+        if near[k]:
+            common += noise[k]
+            inside += 1
+    common /= max(inside, 1)
+    for k in range(count):
+        model, rounding = model_share * mean[k], 1e-6 * most
+        variance = 2.0 * max(noise[k], common) + model * model + rounding * rounding
+        taxels[_VARIANCE, k] = variance if near[k] and usable[k] else math.inf
+        taxels[_SLOPE_X, k] = (mean[sides[1, k]] - mean[sides[0, k]]) / spans[0, k]
+        taxels[_SLOPE_Y, k] = (mean[sides[3, k]] - mean[sides[2, k]]) / spans[1, k]
+
+
+@compiled
+def fit_change(
+    change: Array, taxels: Array, places: Array, shift_m: Array, precision: Array
+) -> tuple[int, float, float, float, float, float]:
+    """Fit the change of an image by all modes together, each taxel weighted by its variance.
+
+    The motions come last in the Cholesky factor of the normal equations: its last rows are that of their precision
+    where the other modes are free.
+
+    Args:
+        change: The change, shape (n,).
+        taxels: As `compare_taxels` filled it.
+        places: Taxel centres, shape (2, n), m.
+        shift_m: Filled as ``shift_m`` of `ImageFit`.
+        precision: Likewise.
+
+    Returns:
+        Freedom, scale, radius, tilt and the growth along X and Y of `ImageFit`; freedom 0: too few taxels take part.
+    """
+    mean, variance, used = taxels[_MEAN], taxels[_VARIANCE], np.empty(len(change), np.int64)
+    count, total, x_sum, y_sum = 0, 0.0, 0.0, 0.0
+    for k in range(len(change)):
+        if math.isfinite(variance[k]):
+            used[count] = k
+            count += 1
+            load = max(mean[k], 0.0)
+            total += load
+            x_sum += load * places[0, k]
+            y_sum += load * places[1, k]
+    total = max(total, 1e-300)  # without a load, the radius is 0
+    x_mid, y_mid, xx, yy = x_sum / total, y_sum / total, 0.0, 0.0
+    for k in used[:count]:
+        x, y, load = places[0, k] - x_mid, places[1, k] - y_mid, max(mean[k], 0.0)
+        xx += load * x * x / total
+        yy += load * y * y / total
+    radius_m = math.sqrt(xx + yy)
+    if count <= MODES or radius_m == 0.0:
+        return 0, 0.0, 0.0, 0.0, 0.0, 0.0
+    modes, changes = np.empty((count, MODES)), np.empty(count)
+    for n in range(count):
+        k = used[n]
+        x, y, load, weight = places[0, k] - x_mid, places[1, k] - y_mid, mean[k], 1.0 / math.sqrt(variance[k])
+        slope_x, slope_y = taxels[_SLOPE_X, k], taxels[_SLOPE_Y, k]
+        changes[n] = weight * change[k]
+        each = modes[n]
+        each[0], each[1], each[2] = weight * load, weight * load * x / radius_m, weight * load * y / radius_m
+        each[3], each[4], each[5], each[6] = (
+            weight * x * slope_x,
+            weight * y * slope_y,
+            -weight * slope_x,
+            -weight * slope_y,
+        )
+        each[7] = weight * (y * slope_x - x * slope_y) / radius_m
+    factor, amount = _solve(modes, changes)
+    for i in range(MOTIONS):
+        shift_m[i] = amount[MODES - MOTIONS + i]
+        for j in range(MOTIONS):
+            precision[i, j] = 0.0
+            for m in range(MODES - MOTIONS, MODES):
+                precision[i, j] += factor[MODES - MOTIONS + i, m] * factor[MODES - MOTIONS + j, m]
+    squares = 0.0
+    for n in range(count):
+        rest = changes[n]
+        for i in range(MODES):
+            rest -= amount[i] * modes[n, i]
+        squares += rest * rest
+    freedom, tilt = count - MODES, math.hypot(amount[1], amount[2])
+    growth_x_m, growth_y_m = abs(amount[3]) * math.sqrt(3.0 * xx), abs(amount[4]) * math.sqrt(3.0 * yy)
+    return freedom, squares / freedom, radius_m, tilt, growth_x_m, growth_y_m
+
+
+@compiled
+def _solve(modes: Array, changes: Array) -> tuple[Array, Array]:
+    """Return the Cholesky factor of the normal equations of some modes, shape (count, MODES), and their amounts."""
+    factor, amount = np.zeros((MODES, MODES)), np.zeros(MODES)
+    for n in range(len(changes)):
+        for i in range(MODES):
+            amount[i] += modes[n, i] * changes[n]
+            for j in range(i + 1):
+                factor[i, j] += modes[n, i] * modes[n, j]
+    for i in range(MODES):
+        factor[i, i] = factor[i, i] * (1.0 + 1e-9) + 1e-300  # a pad of one row shows nothing across it
+        for j in range(i):
+            for m in range(j):
+                factor[i, j] -= factor[i, m] * factor[j, m]
+            factor[i, j] /= factor[j, j]
+            factor[i, i] -= factor[i, j] * factor[i, j]
+            amount[i] -= factor[i, j] * amount[j]
+        factor[i, i] = math.sqrt(factor[i, i])
+        amount[i] /= factor[i, i]
+    for i in range(MODES - 1, -1, -1):
+        for j in range(i + 1, MODES):
+            amount[i] -= factor[j, i] * amount[j]
+        amount[i] /= factor[i, i]
+    return factor, amount

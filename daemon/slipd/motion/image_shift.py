@@ -112,7 +112,7 @@ class ImageShift:
         self._paths = [path for path in self._paths if path.reference.t_ns >= oldest_ns]
         for path in self._paths:
             known_m = self._motion.shift_m(path)
-            if path.reference.same_load(block, (_NOWHERE if known_m is None else known_m)[:2]):
+            if path.reference.same_load(block, _NOWHERE if known_m is None else known_m):
                 fit = self._images.fit(path.reference, block)
                 return None if fit is None else self._judge(fit, block, path)
         self._paths = [*self._paths[1 - REFERENCES :], ShiftPath(block, self._noise)]
@@ -196,8 +196,6 @@ GAP_NS = round(2.5e9 * BLOCK_S)
 LEAST_SCATTER = 4
 """From as many images on, their scatter shows the noise of the contact centroid."""
 
-_HERE = np.zeros(2)
-
 
 class CentroidShift:
     """Follows the contact centroid over the blocks of one contact.
@@ -231,21 +229,22 @@ class CentroidShift:
         path, rested = self._path, block.t_ns - self._last_ns <= GAP_NS
         self._last_ns = block.t_ns
         lasts = path is not None and rested and block.t_ns - path.reference.t_ns <= KEPT_NS
-        if path is None or not lasts or not path.reference.same_load(block, _HERE):
+        if path is None or not lasts or not path.reference.same_load(block, _NOWHERE):
             self._begin(block)
             return None
-        shift = block.load[4:] - path.reference.load[4:]
-        path.add(np.append(shift, 0.0))
-        direction = block.load[:2] / max(math.hypot(*block.load[:2].tolist()), 1e-300)
-        along_m, length_m = float(direction @ shift), math.hypot(*shift.tolist())
+        fx, fy, _, _, cx_m, cy_m = block.load.tolist()
+        x_m, y_m = cx_m - path.reference.load.item(4), cy_m - path.reference.load.item(5)
+        shift_m, load_n = np.array((x_m, y_m, 0.0)), max(math.hypot(fx, fy), 1e-300)
+        path.add(shift_m)
+        along_m, length_m = (fx * x_m + fy * y_m) / load_n, math.hypot(x_m, y_m)
         known, known_m = self.motion.known, self.motion.shift_m(path)
         least_m = LEAST_M if known is None else AGAIN_M + (0.0 if known_m is None else known_m.item())
         beyond = along_m > max(least_m, ALONG * length_m)
         lasts, self._beyond_before = beyond and (self._beyond_before or known is not None), beyond
         goes_on = known is not None and length_m < LEAST_M  # the path is too short for the image to show
-        if not lasts or not (goes_on or self._images.shows_shift(path.reference, block, shift)):
+        if not lasts or not (goes_on or self._images.shows_shift(path.reference, block, shift_m)):
             return None
-        surprise = path.surprise(np.append(direction, 0.0), along_m)
+        surprise = path.surprise(np.array((fx / load_n, fy / load_n, 0.0)), along_m)
         surprise = surprise if known is None else max(surprise, known.surprise)
         if surprise < EACH_SURPRISE:
             return None

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from slipd.fusion.compiled import compiled
 from slipd.motion.evidence import f_surprise
 from slipd.motion.image_blocks import Block
 from slipd.motion.image_fit import MOTIONS
@@ -56,8 +57,7 @@ class PathNoise:
     def add(self, places_m: list[Array], step: int) -> None:
         """Add the newest second difference of a path over ``step`` steps, if the path is so long."""
         if len(places_m) > 2 * step:
-            difference_m = places_m[-1] - 2.0 * places_m[-1 - step] + places_m[-1 - 2 * step]
-            self._squares[step] += difference_m * difference_m
+            _add_second_difference(self._squares[step], places_m[-1], places_m[-1 - step], places_m[-1 - 2 * step])
             self._counts[step] += 1
 
     def surprise(self, along: Array, length_m: float, steps: int) -> float:
@@ -76,6 +76,14 @@ class PathNoise:
             walk = np.minimum(walk, np.maximum(longer - short, 0.0) / (2.0 * (LONG_STEP - 1)))
         deviation_m2 = float(along * along @ (short / 3.0 + steps * walk))
         return f_surprise(length_m * length_m / deviation_m2, 1, FREEDOM_SHARE * count)
+
+
+@compiled
+def _add_second_difference(squares: Array, newest: Array, middle: Array, oldest: Array) -> None:
+    """Add the square of the second difference of three places to the sums of squares, each of shape (3,)."""
+    for i in range(MOTIONS):
+        difference = newest[i] - 2.0 * middle[i] + oldest[i]
+        squares[i] += difference * difference
 
 
 class ShiftPath:

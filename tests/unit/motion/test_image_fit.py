@@ -6,7 +6,9 @@ import math
 
 import numpy as np
 import pytest
+from plain_kernels import run_without_compilation
 
+from slipd.motion import image_fit
 from slipd.motion.image_blocks import Block
 from slipd.motion.image_fit import LEAST_TAXELS, MODES, ImageComparison
 from slipd.signals.pad import PadGeometry
@@ -92,10 +94,10 @@ def test_a_fit_finds_shift_and_turn_beside_gain_and_tilt(turned: dict[str, bool]
     assert fit.tilt == pytest.approx(fit.radius_m * math.hypot(5.0, 8.0), rel=0.2)
 
 
-def test_too_few_taxels_or_no_load_show_nothing() -> None:
-    pad = PadGeometry(4, 4, 0.004, 0.002)
-    images, some = ImageComparison(pad), np.arange(16) < MODES
-    few = np.arange(16) < LEAST_TAXELS - 1
+def test_too_few_taxels_or_no_load_show_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    run_without_compilation(monkeypatch, image_fit)
+    images = ImageComparison(PadGeometry(4, 4, 0.004, 0.002))
+    few, some = (np.arange(16) < count for count in (LEAST_TAXELS - 1, MODES))
     assert images.fit(block(np.zeros(16)), block(np.zeros(16))) is None
     assert images.fit(block(np.ones(16)), block(np.ones(16), usable=some)) is None
     assert not images.shows_shift(block(np.ones(16)), block(np.arange(16.0), usable=few), np.array((4e-4, 0.0)))

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 from chirps import chirp
-from plain_kernels import check_without_compilation
+from plain_kernels import run_without_compilation
 
-from slipd.motion import image_blocks
+from slipd.motion import image_blocks, image_fit, shift_path
 from slipd.motion.evidence import Evidence, f_surprise
 from slipd.motion.image_blocks import ImageBlocks, LoadNoise
 from slipd.motion.image_shift import ImageShift
@@ -100,11 +100,11 @@ def test_the_surprise_of_a_path_is_that_of_its_known_noise_and_none_without() ->
     assert known.surprise(along, 1e-4, 1) == pytest.approx(f_surprise(1e-8 / (2e-10 + 3e-10), 1, 10))
 
 
-def test_images_without_load_or_without_grip_show_nothing() -> None:
-    for normal_n, image in ((10.0, np.zeros(128)), (0.0, np.ones(128))):
+def test_images_without_load_or_with_no_grip_or_a_swinging_one_show_nothing() -> None:
+    for normal_n, swings_n, image in ((10.0, 0.0, np.zeros(128)), (0.0, 0.0, np.ones(128)), (10.0, 4.0, np.ones(128))):
         shift = ImageShift(GEOMETRY, NOISE)
-        wrench = (1.0, 0.0, -normal_n, 0.0, 0.0, 0.0)
-        assert all(shift.update(T0 + k * PERIOD_NS, image, wrench) is None for k in range(100))
+        wrenches = [(1.0, 0.0, -normal_n - swings_n * (k % 2), 0.0, 0.0, 0.0) for k in range(100)]
+        assert not any(shift.update(T0 + k * PERIOD_NS, image, wrench) for k, wrench in enumerate(wrenches))
 
 
 @pytest.mark.parametrize("turns", [1.0, -1.0])
@@ -119,31 +119,33 @@ def test_a_contact_that_turns_about_its_centroid_is_found_where_it_follows_its_t
 
 
 @pytest.mark.parametrize(
-    ("torque", "turns", "slides_m", "expected", "until_ms"),
+    ("torque", "turns", "slides_m", "expected", "until_ms", "plain"),
     [
         (
             True, 0.0, 1e-5,
             {90: 21.185, 95: 23.822, 100: 26.043, 105: 28.236, 115: 32.363, 130: 37.678, 140: 40.784},
-            [1450, 1450, 1600, 1700],
+            [1450, 1450, 1600, 1700], False,
         ),
         (
             False, 0.0, 1e-5, {95: 28.12, 100: 30.153, 105: 32.401, 115: 32.401, 125: 32.401, 140: 32.401},
-            [1450, 1450, 1550, 1700],
+            [1450, 1450, 1550, 1700], False,
         ),
         (
             True, 1e-3, 0.0, {90: 37.44, 95: 44.1, 100: 42.107, 105: 47.024, 120: 47.024, 135: 47.024},
-            [1450, 1500, 1650],
+            [1450, 1500, 1650], False,
         ),
         (
             False, 5e-4, 1e-5, {95: 24.706, 100: 24.541, 105: 26.734, 120: 26.734, 130: 26.734, 145: 26.734},
-            [1450, 1500, 1600, 1750],
+            [1450, 1500, 1600, 1750], True,
         ),
     ],
 )  # fmt: skip
 def test_the_surprise_of_a_patch_that_slides_or_turns_keeps_its_digits(
-    torque: bool, turns: float, slides_m: float, expected: dict[int, float], until_ms: list[int]
-) -> None:
+    torque: bool, turns: float, slides_m: float, expected: dict[int, float], until_ms: list[int], plain: bool,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
     """From the first second on, the motion is confirmed, so that only a further one is evidence."""
+    run_without_compilation(monkeypatch, *[image_blocks, image_fit, shift_path] * plain)
     shift, found, until_ns = ImageShift(GEOMETRY, NOISE), {}, []
     for k, evidence in enumerate(watch(shift, 150, turns=turns, slides_m=slides_m, torque=torque)):
         if evidence is not None:
@@ -178,13 +180,12 @@ def test_a_changing_load_is_no_motion(gripped: float, tilted: float, torque: boo
     assert list(watch(shift, 250, gripped=gripped, tilted=tilted, torque=torque)) == [None] * 250
 
 
-def test_loads_are_the_same_within_shares_of_themselves_and_the_noise() -> None:
+def test_loads_are_the_same_within_shares_of_themselves_and_the_noise(monkeypatch: pytest.MonkeyPatch) -> None:
     """4 N along X and 10 N of grip: 15 % of the one, 7 % of the other, and four standard deviations of the noise."""
-    blocks = ImageBlocks(GEOMETRY, NOISE)
-    wrench = (4.0, 0.0, -10.0, 0.0, 0.0, 0.0)
+    run_without_compilation(monkeypatch, image_blocks)
+    blocks, wrench = ImageBlocks(GEOMETRY, NOISE), (4.0, 0.0, -10.0, 0.0, 0.0, 0.0)
     found = [blocks.update(T0 + k * PERIOD_NS, np.full(128, 0.1), wrench) for k in range(60)]
     block = next(block for block in found if block is not None)
-    check_without_compilation(image_blocks._add_image, chirp(3, 128), np.full(128, 0.1))
     reach_m = 0.25 * math.hypot(8, 16) * GEOMETRY.pitch_m
     along, across, spin, centroid = 0.6 + 0.08, 0.7 + 0.08, reach_m * 0.6 + 0.002, 1e-3 + 0.002 / 10.0
     assert block.tolerance == pytest.approx([along, along, across, spin, centroid, centroid])
