@@ -5,17 +5,17 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from engine_rig import RIG
 from fixture_types import Parse
 
+from slipd import config
 from slipd.devices import bota
-from slipd.events import RecordingChanged
-from slipd.finger.freshness import Lateness
-from slipd.grasp.grasp_view import NamedObject
-from slipd.gripper.grip_policy import NoGripper
 from slipd.links.device_link import DeviceLink, make_links
 from slipd.links.link_health import link_condition
 from slipd.publish.message_sequencer import MessageSequencer
 from slipd.publish.status_publisher import StatusPublisher
+from slipd.requests.recording_state import RecordingState
+from slipd.rig import Rig
 from slipd.types.clocks import WallClock
 from slipd_client.messages import Health
 
@@ -36,10 +36,9 @@ def health(link: DeviceLink, t_ns: int, source: str = "") -> tuple[Health, str]:
 
 def status(link: DeviceLink, t_ns: int, source: str = "") -> dict[str, Any]:
     """What ``status`` says of a stream, beside what its finger knows."""
-    publisher = StatusPublisher(
-        {}, {}, NamedObject(), NoGripper(), None, Lateness(), lambda: (RecordingChanged("", "", "none"), None), {},
-        MessageSequencer("b", "c", WallClock(0)), 2.0,
-    )  # fmt: skip
+    rig = Rig(config.parse(RIG, "rig.toml"), "boot", WallClock(0))
+    recordings = RecordingState(rig.boot, rig.wall)
+    publisher = StatusPublisher(rig, recordings.newest, {}, MessageSequencer(rig.boot, rig.config.config_id, rig.wall))
     stream = link.streams[source]
     name, stream.name = stream.name, "alone"
     body = publisher._stream_body(link, stream, t_ns)

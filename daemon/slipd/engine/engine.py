@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import cast
 
-from slipd.config import Config, Grasp
-from slipd.devices import GripperSession
+from slipd.config import Config
 from slipd.engine.held_motion import Found, HeldMotion
 from slipd.engine.kept_state import KeptState
 from slipd.events import (
@@ -32,15 +31,12 @@ from slipd.events import (
 )
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import VerdictBatch
-from slipd.finger.freshness import PROMPT, Lateness
+from slipd.finger.freshness import PROMPT
 from slipd.grasp.arm_motion import ArmMotion
-from slipd.grasp.grasp_view import GraspView, NamedObject
 from slipd.grasp.held_object import HeldObject, make_held_object
-from slipd.grasp.motion_advice import MotionAdvice
-from slipd.gripper.grip_policy import NoGripper
 from slipd.gripper.gripper_control import LONGEST_PAUSE_NS, GripperControl
-from slipd.gripper.reflex import ReflexAct, ReflexController, make_reflex_controller
-from slipd.links.device_link import DeviceLink, make_links
+from slipd.gripper.reflex import ReflexAct, ReflexController
+from slipd.links.device_link import DeviceLink
 from slipd.links.stream_meter import Read
 from slipd.publish.finger_messages import FingerPublisher
 from slipd.publish.grasp_messages import GraspPublisher, MotionPublisher, gripper_body
@@ -48,14 +44,13 @@ from slipd.publish.message_sequencer import NO_FRAME, MessageSequencer
 from slipd.publish.status_publisher import StatusPublisher
 from slipd.requests.handlers import RequestHandlers
 from slipd.requests.recording_state import RecordingState
+from slipd.rig import GRIPPER_LINK, Rig
 from slipd.types.clocks import NEVER_NS, WallClock
 from slipd.types.samples import GripperSample
 from slipd_client.messages import GRIPPER_TOPIC
 
 SUSPENSION_NS = 50_000_000
 """A longer sleep of the host makes every stream stale and ends the lease."""
-
-GRIPPER_LINK = "gripper"
 
 
 @dataclass(slots=True)
@@ -99,74 +94,34 @@ class Engine:
 
     def __init__(self, config: Config, *, boot: str, wall_minus_monotonic_ns: int) -> None:
         self.wall = WallClock(wall_minus_monotonic_ns)
-        sequencer, named = MessageSequencer(boot, config.config_id, self.wall), NamedObject()
-        self._fingers = {name: Finger(name, finger, config.levels) for name, finger in config.finger.items()}
-        judged = {
-            f"{name}.{kind}": channel.freshness
-            for name, finger in self._fingers.items()
-            for kind, channel in finger.channels.items()
-        }
-        self._links = make_links(config, judged)
-        self._clocks = [stream.clock for link in self._links.values() for stream in link.streams.values()]
-        self._gripper: GripperControl | NoGripper = NoGripper()
-        if config.gripper is not None:
-            session = cast("GripperSession", self._links[GRIPPER_LINK].session)
-            self._gripper = GripperControl(config.gripper, session, self._fingers)
-        view = None if config.grasp is None else GraspView(config.grasp, self._fingers)
-        self._arm: ArmMotion | None = None
-        if config.grasp is not None and config.grasp.arm is not None:
-            self._arm = ArmMotion(config.grasp, config.grasp.arm, self._fingers)
-        held = make_held_object(view, self._arm, named)
-        advice = None if view is None else MotionAdvice(cast("Grasp", config.grasp), self._fingers, view, self._arm)
-        self._motion = HeldMotion(self._fingers, config.levels, config.grasp, self._gripper)
-        reflex = make_reflex_controller(config, view, self._gripper)
-        self._lateness = Lateness()
+        rig = Rig(config, boot, self.wall)
+        self._fingers, self._links, self._gripper = rig.fingers, rig.links, rig.gripper
+        self._arm, self._lateness = rig.arm, rig.lateness
+        self._clocks = [stream.clock for link in rig.links.values() for stream in link.streams.values()]
+        self._motion = HeldMotion(rig)
         self._recordings = RecordingState(boot, self.wall)
-        self.kept = KeptState(config, boot, self.wall, self._links, self._fingers, self._gripper, named)
-        self._publishers = {
-            name: FingerPublisher(each, sequencer, config.rates) for name, each in self._fingers.items()
-        }
-        self._sequencer = sequencer
-        self._status = StatusPublisher(
-            self._links,
-            self._fingers,
-            named,
-            self._gripper,
-            self._arm,
-            self._lateness,
-            self._recordings.newest,
-            self.kept.problems,
-            sequencer,
-            config.rates.status_hz,
-        )
-        self._handlers = RequestHandlers(
-            boot,
-            self._fingers,
-            named,
-            self._gripper,
-            self._arm,
-            advice,
-            config.requests,
-            reflex is not None,
-            self._recordings,
-            self._status.body,
-        )
+        self.kept = KeptState(rig)
+        self._sequencer = sequencer = MessageSequencer(boot, config.config_id, self.wall)
+        self._publishers = {name: FingerPublisher(each, sequencer, config.rates) for name, each in rig.fingers.items()}
+        self._status = StatusPublisher(rig, self._recordings.newest, self.kept.problems, sequencer)
+        self._handlers = RequestHandlers(rig, self._recordings, self._status.body)
         self._suspended_ns: int | None = None
         self._released = False  # as of the last reading of the gripper
-        self._silence = {name: Deadline(partial(self._check_silence, name)) for name in self._fingers}
+        self._silence = {name: Deadline(partial(self._check_silence, name)) for name in rig.fingers}
         self._gripper_check = Deadline(self._check_gripper)
-        self._reflex_due = Deadline(_never if reflex is None else partial(self._run_reflex, reflex))
+        self._reflex_due = Deadline(_never if rig.reflex is None else partial(self._run_reflex, rig.reflex))
         self._writes = {
             name: Deadline(partial(self._write_due, link))
-            for name, link in self._links.items()
+            for name, link in rig.links.items()
             if link.session is not None
         }
         self._gripper_write = self._writes.get(GRIPPER_LINK, Deadline(_never, NEVER_NS))
         self._readers = {name: self._reader(name) for name in config.streams()}
         self._grasp_due = self._advice_due = Deadline(_never)
-        if view is not None and advice is not None:
-            self._grasp_due = Deadline(GraspPublisher(view, self._gripper, sequencer, config.rates.grasp_hz).publish)
-            self._advice_due = Deadline(MotionPublisher(advice, view, self._gripper, sequencer).publish)
+        if rig.view is not None and rig.advice is not None:
+            self._grasp_due = Deadline(GraspPublisher(rig.view, rig.gripper, sequencer, config.rates.grasp_hz).publish)
+            self._advice_due = Deadline(MotionPublisher(rig.advice, rig.view, rig.gripper, sequencer).publish)
+        held = make_held_object(rig.view, rig.arm, rig.named)
         weigh = Deadline(_never if held is None else partial(self._weigh, held))
         self._time_checks = [*self._silence.values(), self._gripper_check]
         self._deadlines = [

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-from slipd.config import Grasp, Levels
 from slipd.finger.contact_motion import ContactMotion
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
 from slipd.grasp.pad_motion import make_pad_motion
-from slipd.gripper.grip_policy import NoGripper
 from slipd.gripper.gripper_control import GripperControl
 from slipd.motion.evidence import Evidence, MotionRisk
 from slipd.motion.object_motion import OutsideMotion, WidthChange
+from slipd.rig import Rig
 from slipd.types.samples import GripperSample, ObjectSample
 
 REPORTED_NS = 300_000_000
@@ -27,15 +24,11 @@ class HeldMotion:
     """Combines the evidence of each finger, and that of the whole grasp, by the risk of each finger.
 
     Args:
-        fingers: All fingers by name.
-        levels: ``[levels]``.
-        grasp: ``[grasp]``; None: no other process observes the object.
-        gripper: The gripper.
+        rig: Its parts.
     """
 
-    def __init__(
-        self, fingers: Mapping[str, Finger], levels: Levels, grasp: Grasp | None, gripper: GripperControl | NoGripper
-    ) -> None:
+    def __init__(self, rig: Rig) -> None:
+        gripper, fingers, grasp = rig.gripper, rig.fingers, rig.config.grasp
         self._gripper, self._pads = gripper, make_pad_motion(list(fingers.values()))
         self._width = WidthChange(gripper.session.width_step_m) if isinstance(gripper, GripperControl) else None
         observed = None if grasp is None else grasp.object
@@ -47,7 +40,7 @@ class HeldMotion:
         for name, finger in fingers.items():
             looks = shared | ({} if finger.motion is None else {"image_change": finger.motion.looks_per_hour})
             if looks:
-                self._risks[name] = MotionRisk(levels.false_alarms_per_hour, looks)
+                self._risks[name] = MotionRisk(rig.config.levels.false_alarms_per_hour, looks)
 
     def update_finger(self, finger: Finger, motion: ContactMotion) -> Found:
         """Judge the evidence that a finger's readings and images gave since the last call."""

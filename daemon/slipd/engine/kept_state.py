@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Literal, cast
 
 import numpy as np
 
-from slipd.config import Config
 from slipd.errors import SlipdError
 from slipd.events import FirstEvents, HostNotice, LinkUp, StateRestored
-from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
-from slipd.grasp.grasp_view import NamedObject
 from slipd.grasp.stored_state import StoredGrip, StoredState, StoredTare, basis_of, read_state, rig_of, seal
-from slipd.gripper.grip_policy import NoGripper
 from slipd.gripper.gripper_control import GripperControl
-from slipd.links.device_link import DeviceLink, IdentityGuard
+from slipd.links.device_link import IdentityGuard
+from slipd.rig import Rig
 from slipd.signals.tare import Offset
 from slipd.types.arrays import finite_or_none
-from slipd.types.clocks import WallClock
 
 _NS = 1_000_000_000
 _MINUTE_NS = 60 * _NS
@@ -35,37 +30,20 @@ class KeptState:
     config on which it depends, and the time since the run before allow it, unless another was taken meanwhile.
 
     Args:
-        config: The rig.
-        boot: Id of this run.
-        wall: Wall clock of the run.
-        links: The links by name.
-        fingers: The fingers by name.
-        gripper: The gripper.
-        named: Keeps the name of the object.
+        rig: The rig of this run.
 
     Attributes:
         waiting: Tares whose stream has not been read since they were restored, by stream.
         problems: Why a tare that was kept is not used, for people, by stream.
     """
 
-    def __init__(
-        self,
-        config: Config,
-        boot: str,
-        wall: WallClock,
-        links: Mapping[str, DeviceLink],
-        fingers: Mapping[str, Finger],
-        gripper: GripperControl | NoGripper,
-        named: NamedObject,
-    ) -> None:
-        self._config, self._boot, self._rig = config, boot, rig_of(config)
-        self._wall = wall
-        self._links, self._fingers, self._gripper, self._named = links, fingers, gripper, named
-        self._of_stream = {stream.name: link for link in links.values() for stream in link.streams.values()}
-        self._channels: dict[str, ForceChannel | ImageChannel] = {
-            f"{name}.{kind}": channel for name, finger in fingers.items() for kind, channel in finger.channels.items()
-        }
-        self._basis = {name: basis_of(stream) for name, stream in config.streams().items()}
+    def __init__(self, rig: Rig) -> None:
+        self._config, self._boot, self._wall = rig.config, rig.boot, rig.wall
+        self._rig_id = rig_of(rig.config)
+        self._links, self._fingers, self._gripper, self._named = rig.links, rig.fingers, rig.gripper, rig.named
+        self._channels = rig.channels
+        self._of_stream = {stream.name: link for link in rig.links.values() for stream in link.streams.values()}
+        self._basis = {name: basis_of(stream) for name, stream in rig.config.streams().items()}
         self._kept: dict[str, tuple[Offset, StoredTare]] = {}
         self._until_ns: int | None = None
         self._grip: StoredGrip | None = None
@@ -177,7 +155,7 @@ class KeptState:
             friction = {name: finger.friction.taught() for name, finger in self._fingers.items()}
             grip = grip.model_copy(update={"named": self._named.name, "friction": friction})
         minute = self._wall.at_ns(t_ns) // _MINUTE_NS * _MINUTE_NS
-        state = StoredState(rig=self._rig, boot=self._boot, kept_wall_ns=minute, tares=tares, grip=grip)
+        state = StoredState(rig=self._rig_id, boot=self._boot, kept_wall_ns=minute, tares=tares, grip=grip)
         return seal(state.model_dump_json())
 
     def set_wall_clock(self, minus_monotonic_ns: int) -> None:

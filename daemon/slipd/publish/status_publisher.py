@@ -10,12 +10,8 @@ from slipd import __version__
 from slipd.events import HostNotice, IncidentsChanged, Output, RecordingChanged
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
-from slipd.finger.freshness import Lateness
 from slipd.finger.image_channel import ImageChannel
 from slipd.finger.stream_health import finger_conditions
-from slipd.grasp.arm_motion import ArmMotion
-from slipd.grasp.grasp_view import NamedObject
-from slipd.gripper.grip_policy import NoGripper
 from slipd.gripper.gripper_control import GripperControl
 from slipd.links.device_link import DeviceLink
 from slipd.links.link_health import Condition, link_condition
@@ -23,6 +19,7 @@ from slipd.links.stream_meter import StreamMeter
 from slipd.publish.finger_messages import friction_setter_body, tare_body
 from slipd.publish.grasp_messages import gripper_body, lease_body
 from slipd.publish.message_sequencer import NO_FRAME, Body, MessageSequencer, Pace
+from slipd.rig import GRIPPER_LINK, Rig
 from slipd.types.arrays import finite_or_none
 from slipd.types.device_text import one_line
 from slipd_client.messages import STATUS_TOPIC, Health
@@ -32,35 +29,23 @@ class StatusPublisher:
     """Publish the state of the daemon.
 
     Args:
-        links: The links by name.
-        fingers: The fingers by name.
-        named: The object that clients named.
-        gripper: The gripper.
-        arm: Motion of the arm; None: no stream reports it.
-        lateness: How late the daemon is.
+        rig: The rig of this run.
         recordings: Returns the newest recording on request, and that of the whole run; None where there is none.
         not_restored: Why tares of the run before are not used, by stream.
         sequencer: Numbers and dates the messages.
-        rate_hz: ``rates.status_hz``.
     """
 
     def __init__(
         self,
-        links: Mapping[str, DeviceLink],
-        fingers: Mapping[str, Finger],
-        named: NamedObject,
-        gripper: GripperControl | NoGripper,
-        arm: ArmMotion | None,
-        lateness: Lateness,
+        rig: Rig,
         recordings: Callable[[], tuple[RecordingChanged, RecordingChanged | None]],
         not_restored: Mapping[str, str],
         sequencer: MessageSequencer,
-        rate_hz: float,
     ) -> None:
-        self._streams = [(link, stream) for link in links.values() for stream in link.streams.values()]
-        self._fingers, self._object, self._gripper, self._arm = fingers, named, gripper, arm
-        self._lateness, self._recordings, self._not_restored = lateness, recordings, not_restored
-        self._sequencer, self._pace = sequencer, Pace(rate_hz)
+        self._rig = rig
+        self._streams = [(link, stream) for link in rig.links.values() for stream in link.streams.values()]
+        self._recordings, self._not_restored = recordings, not_restored
+        self._sequencer, self._pace = sequencer, Pace(rig.config.rates.status_hz)
         self._notices: dict[str, str] = {}
         self._incidents: IncidentsChanged | None = None
 
@@ -86,17 +71,17 @@ class StatusPublisher:
     def body(self, t_ns: int) -> Body:
         """Return ``status``: the state at ``t_ns``; also the result of the request of that name."""
         recording, run_recording = self._recordings()
-        gripper = self._gripper
+        gripper, lateness, named = self._rig.gripper, self._rig.lateness, self._rig.named
         return {
             "version": __version__,
-            "uptime_s": (t_ns - (self._lateness.first_ns or t_ns)) * 1e-9,
-            "fingers": {name: _finger_body(finger) for name, finger in self._fingers.items()},
-            "object_name": self._object.name,
-            "object_by": self._object.set_by,
-            "object_t_ns": self._object.set_t_ns,
+            "uptime_s": (t_ns - (lateness.first_ns or t_ns)) * 1e-9,
+            "fingers": {name: _finger_body(finger) for name, finger in self._rig.fingers.items()},
+            "object_name": named.name,
+            "object_by": named.set_by,
+            "object_t_ns": named.set_t_ns,
             "streams": {stream.name: self._stream_body(link, stream, t_ns) for link, stream in self._streams},
             "publisher": {"messages": self._sequencer.published},
-            "late_s": self._lateness.worst_ns(t_ns) * 1e-9,
+            "late_s": lateness.worst_ns(t_ns) * 1e-9,
             "lease": lease_body(gripper.policy.lease, t_ns),
             "gripper": gripper_body(gripper, t_ns) if isinstance(gripper, GripperControl) else None,
             "recording": _recording_body(recording),
@@ -107,8 +92,6 @@ class StatusPublisher:
 
     def _stream_body(self, link: DeviceLink, stream: StreamMeter, t_ns: int) -> Body:
         counters, clock = link.counters, stream.clock
-        owner, _, kind = stream.name.partition(".")
-        channel = self._fingers[owner].channel(kind) if kind else None
         worst_first = sorted(self._conditions(link, stream, t_ns), key=lambda condition: -condition[0])
         return {
             "health": int(worst_first[0][0]),
@@ -131,20 +114,20 @@ class StatusPublisher:
             "bad_bytes": counters.bad_bytes,
             "dropped": link.flood.dropped,
             "reconnects": link.reconnects,
-            **_channel_body(channel, t_ns),
+            **_channel_body(self._rig.channels.get(stream.name), t_ns),
         }
 
     def _conditions(self, link: DeviceLink, stream: StreamMeter, t_ns: int) -> list[Condition]:
         """Return everything that is wrong with a stream, or worth a hint; at least one."""
-        lateness = self._lateness
+        rig, lateness = self._rig, self._rig.lateness
         found = [link_condition(link, stream, t_ns, lateness.unread_ns(t_ns), lateness.worst_ns(t_ns))]
         owner, _, kind = stream.name.partition(".")
         if kind:
-            found += finger_conditions(self._fingers[owner], kind, t_ns)
-        elif isinstance(self._gripper, GripperControl) and owner == "gripper":
-            found += self._gripper.conditions()
-        elif owner == "arm" and self._arm is not None:
-            found += self._arm.conditions()
+            found += finger_conditions(rig.fingers[owner], kind, t_ns)
+        elif isinstance(rig.gripper, GripperControl) and owner == GRIPPER_LINK:
+            found += rig.gripper.conditions()
+        elif owner == "arm" and rig.arm is not None:
+            found += rig.arm.conditions()
         if problem := self._not_restored.get(stream.name):
             found.append((Health.OK, problem))
         return found

@@ -6,17 +6,14 @@ lenient: a tare and its undo shift every force, and a larger μ makes a slipping
 
 from __future__ import annotations
 
-from slipd.config import Requests
 from slipd.events import Request
 from slipd.finger.finger import Finger
 from slipd.finger.finger_tares import Tares
-from slipd.grasp.arm_motion import ArmMotion
-from slipd.grasp.grasp_view import NamedObject
-from slipd.gripper.grip_policy import GripPolicy
 from slipd.gripper.lease import Lease
 from slipd.publish import replies
 from slipd.publish.message_sequencer import Body
 from slipd.requests.motion_handlers import Handler
+from slipd.rig import Rig
 from slipd.signals.gravity import FRESH_NS, gravity_fault
 from slipd.types.permit import RefusalError, require
 from slipd_client.messages.schema.request_fields import SECONDS, STREAM, STREAM_OR_ALL, TARE_S
@@ -29,25 +26,15 @@ class FingerHandlers:
     """Carry out the requests about a finger, and about the object.
 
     Args:
-        fingers: The fingers by name.
-        named: Keeps the name of the object.
-        policy: Keeps the lease.
-        arm: Motion of the arm; None: no stream reports it.
-        config: ``[requests]``.
+        rig: The rig of this run.
 
     Attributes:
         ops: Handler of each op.
     """
 
-    def __init__(
-        self,
-        fingers: dict[str, Finger],
-        named: NamedObject,
-        policy: GripPolicy,
-        arm: ArmMotion | None,
-        config: Requests,
-    ) -> None:
-        self._fingers, self._named, self._policy, self._arm, self._config = fingers, named, policy, arm, config
+    def __init__(self, rig: Rig) -> None:
+        self._fingers, self._named, self._arm = rig.fingers, rig.named, rig.arm
+        self._policy, self._config = rig.gripper.policy, rig.config.requests
         self._gravity_from: dict[str, tuple[bytes, int]] = {}
         self.ops: dict[str, Handler] = {
             "tare": self._tare,

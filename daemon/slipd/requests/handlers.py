@@ -5,20 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from slipd.config import Requests
 from slipd.events import RecordingChanged, Reply, Request
-from slipd.finger.finger import Finger
-from slipd.grasp.arm_motion import ArmMotion
-from slipd.grasp.grasp_view import NamedObject
-from slipd.grasp.motion_advice import MotionAdvice
-from slipd.gripper.grip_policy import NoGripper
-from slipd.gripper.gripper_control import GripperControl
 from slipd.publish import replies
 from slipd.publish.message_sequencer import Body
 from slipd.requests.finger_handlers import FingerHandlers, require_lease
 from slipd.requests.motion_handlers import Handler, check_motion, grip_handlers
 from slipd.requests.recording_state import RecordingState
 from slipd.requests.request_check import IdempotencyCache, check_request
+from slipd.rig import Rig
 from slipd.types.permit import Refusal, RefusalError
 from slipd_client.messages.schema.ops import OPS, URGENT_OPS
 
@@ -34,34 +28,16 @@ class RequestHandlers:
     """Check requests and carry them out, each at most once.
 
     Args:
-        boot: Id of this run.
-        fingers: The fingers by name.
-        named: The object that clients name.
-        gripper: The gripper; keeps the lease.
-        arm: Motion of the arm; None: no stream reports it.
-        advice: How fast the arm may go; None: the config has no ``[grasp]``.
-        requests: ``[requests]``.
-        reflex: The rig has a reflex, which acts on what some requests state.
+        rig: The rig of this run.
         recordings: The recordings on request.
         status: Returns the state of the daemon at a time, as in the ``status`` message.
     """
 
-    def __init__(
-        self,
-        boot: str,
-        fingers: dict[str, Finger],
-        named: NamedObject,
-        gripper: GripperControl | NoGripper,
-        arm: ArmMotion | None,
-        advice: MotionAdvice | None,
-        requests: Requests,
-        reflex: bool,
-        recordings: RecordingState,
-        status: Callable[[int], Body],
-    ) -> None:
-        self._boot, self._policy, self._recordings = boot, gripper.policy, recordings
-        self._fingers, self._status = fingers, status
-        free = {name for name, key in _FREED_BY.items() if getattr(requests, key)}
+    def __init__(self, rig: Rig, recordings: RecordingState, status: Callable[[int], Body]) -> None:
+        self._boot, self._policy, self._recordings = rig.boot, rig.gripper.policy, recordings
+        self._fingers, self._status = rig.fingers, status
+        free = {name for name, key in _FREED_BY.items() if getattr(rig.config.requests, key)}
+        reflex = rig.reflex is not None  # it acts on what some requests state
         self._steering = {name: op.steers for name, op in OPS.items() if reflex and name not in free}
         self._kept = IdempotencyCache()
         self._pending: dict[tuple[bytes, str | int], Body] = {}
@@ -69,9 +45,9 @@ class RequestHandlers:
             "hello": self._hello,
             "status": self._status_now,
             "record.stop": self._stop_recording,
-            "motion.check": partial(check_motion, advice, gripper),
-            **FingerHandlers(fingers, named, gripper.policy, arm, requests).ops,
-            **grip_handlers(gripper),
+            "motion.check": partial(check_motion, rig.advice, rig.gripper),
+            **FingerHandlers(rig).ops,
+            **grip_handlers(rig.gripper),
         }
 
     def answer(self, request: Request, t_ns: int) -> Reply | None:

@@ -1,0 +1,68 @@
+"""The parts of a rig, as a config describes them: what messages, requests and the engine share."""
+
+from __future__ import annotations
+
+from typing import cast
+
+from slipd.config import Config
+from slipd.devices import GripperSession
+from slipd.finger.finger import Finger
+from slipd.finger.freshness import Lateness
+from slipd.grasp.arm_motion import ArmMotion
+from slipd.grasp.grasp_view import GraspView, NamedObject
+from slipd.grasp.motion_advice import MotionAdvice
+from slipd.gripper.grip_policy import NoGripper
+from slipd.gripper.gripper_control import GripperControl
+from slipd.gripper.reflex import make_reflex_controller
+from slipd.links.device_link import make_links
+from slipd.types.clocks import WallClock
+
+GRIPPER_LINK = "gripper"
+
+
+class Rig:
+    """The parts of a rig in one run.
+
+    Args:
+        config: Its config.
+        boot: Id of the run.
+        wall: Wall clock of the run.
+
+    Attributes:
+        config: As above.
+        boot: As above.
+        wall: As above.
+        lateness: How late the daemon is.
+        named: The object that clients named.
+        fingers: The fingers by name.
+        channels: The channels of all fingers by stream.
+        links: The links by name.
+        gripper: The gripper; keeps the lease.
+        reflex: The reflex; None: there is none.
+        view: Both fingers as one grasp; None: the config has no ``[grasp]``.
+        arm: Motion of the arm; None: no stream reports it.
+        advice: How fast the arm may go; None: the config has no ``[grasp]``.
+    """
+
+    def __init__(self, config: Config, boot: str, wall: WallClock) -> None:
+        self.config, self.boot, self.wall = config, boot, wall
+        self.lateness, self.named = Lateness(), NamedObject()
+        self.fingers = {name: Finger(name, finger, config.levels) for name, finger in config.finger.items()}
+        self.channels = {
+            f"{name}.{kind}": channel
+            for name, finger in self.fingers.items()
+            for kind, channel in finger.channels.items()
+        }
+        self.links = make_links(config, {name: channel.freshness for name, channel in self.channels.items()})
+        self.gripper: GripperControl | NoGripper = NoGripper()
+        if config.gripper is not None:
+            session = cast("GripperSession", self.links[GRIPPER_LINK].session)
+            self.gripper = GripperControl(config.gripper, session, self.fingers)
+        self.view: GraspView | None = None
+        self.arm: ArmMotion | None = None
+        self.advice: MotionAdvice | None = None
+        if (grasp := config.grasp) is not None:
+            self.view = GraspView(grasp, self.fingers)
+            self.arm = None if grasp.arm is None else ArmMotion(grasp, grasp.arm, self.fingers)
+            self.advice = MotionAdvice(grasp, self.fingers, self.view, self.arm)
+        self.reflex = make_reflex_controller(config, self.view, self.gripper)
