@@ -21,9 +21,15 @@ def _late(gravity: Array, omega: Array, alpha: Array) -> tuple[Array, Array, Arr
     )  # type: ignore[return-value]
 
 
-def _lost(gravity: Array, omega: Array, alpha: Array) -> tuple[Array, Array, Array]:
+def _half_lost(gravity: Array, omega: Array, alpha: Array) -> tuple[Array, Array, Array]:
     """Lose 100 ms of every 200: rows of NaN are not sent."""
     lost = np.arange(len(gravity)) // 25 % 2 > 0
+    return np.where(lost[:, None], np.nan, gravity), omega, alpha
+
+
+def _lost(gravity: Array, omega: Array, alpha: Array) -> tuple[Array, Array, Array]:
+    """Lose the second half: a lift is under way."""
+    lost = np.arange(len(gravity)) > len(gravity) // 2
     return np.where(lost[:, None], np.nan, gravity), omega, alpha
 
 
@@ -34,11 +40,10 @@ FAULTS: dict[str, tuple[Distortion | None, str]] = {
     "turned by 90 degrees": (_axes(np.array(((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)))), "frame"),
     "10 % more": (lambda gravity, omega, alpha: (1.1 * gravity, omega, alpha), "length"),
     "50 ms late": (_late, "late"),
+    "in g": (lambda gravity, omega, alpha: (gravity / G_MPS2, omega, alpha), "length"),
+    "lost": (_lost, "no reading"),
 }
 """Faults of a sender, and the word by which ``status`` names each."""
 
-MORE_FAULTS: dict[str, Distortion] = {
-    "in g": lambda gravity, omega, alpha: (gravity / G_MPS2, omega, alpha),
-    "half of it lost": _lost,
-}
+MORE_FAULTS: dict[str, Distortion] = {"half of it lost": _half_lost}
 """Faults that are not found by the load."""

@@ -199,7 +199,7 @@ def play(carry: Carry, seed: int, *, stream: bool = True) -> Iterator[tuple[floa
         yield from handle(LinkUp(name, f"opened {name}"), T0)
     for step in range(1, n):
         t_ns = T0 + step * READ_MS * MS
-        if stream:
+        if stream and np.isfinite(gravity[step]).all():
             more = {"angular_acceleration_radps2": alpha[step].tolist()} if exact else {}
             sent = {"gravity_mps2": gravity[step].tolist(), "angular_velocity_radps": omega[step].tolist()} | more
             yield from handle(Bytes("arm", encode_reading("arm", t_ns - 2 * MS, **sent)), t_ns)

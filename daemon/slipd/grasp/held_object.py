@@ -124,9 +124,9 @@ class HeldObject:
         touching = first.finger.in_contact, second.finger.in_contact
         if touching != self._touching:
             self._touching, self._same = touching, 0
-            self._waiting.clear()
+            # A stream at fault makes touches that are none: the loads still show it, but teach nothing of the object.
+            self._waiting = deque(load._replace(own=None) for load in self._waiting)
             self._estimate.forget(WAITING)
-            self._check.forget()
         load = None if self._arm is None else self._load(width_m, t_ns)
         if self._arm is not None:
             self._follow_arm(self._arm, load, t_ns)

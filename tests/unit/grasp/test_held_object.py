@@ -151,11 +151,18 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
             *(has(lies=1.0), move(2.0), lambda run: says_of_arm(run, ""), WEIGHED),
         ],
     ),
+    "D6 a fault of the stream is named although the fingers are touched all the time": (
+        RIG_OF_GRIPPER,
+        [
+            *(REST, has(lies=-1.0), lambda run: [run.move(0.2, grip_n=grip_n) for grip_n in 3 * (GRIP_N, 0.0)]),
+            lambda run: says_of_arm(run, "its sign is wrong"),
+        ],
+    ),
     "D6 what was learned before a fault of the stream is not believed after it": (
         RIG_OF_GRIPPER,
         [
             *(REST, move(1.0), WEIGHED, has(lies=-1.0), move(1.2), arm(health=Health.ERROR)),
-            *(has(lies=1.0), move(0.66), lambda run: says_of_arm(run, ""), unknown(object_estimate.NOT_MOVED)),
+            *(has(lies=1.0), move(0.82), lambda run: says_of_arm(run, ""), unknown(object_estimate.NOT_MOVED)),
         ],
     ),
     "gravity of requests is the slow form": (
