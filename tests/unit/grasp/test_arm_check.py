@@ -63,7 +63,14 @@ def stopped(t_s: float) -> Array:
         (felt, lambda t_s: np.zeros(3)),
         (felt, lambda t_s: np.array((np.sin(23.0 * t_s), 0.0, np.cos(31.0 * t_s)))),
     ],
-    ids=["a grip", "a collision", "once as if reversed", "a collision that stops the arm", "nothing is carried", "a hand that shakes"],
+    ids=[
+        "a grip",
+        "a collision",
+        "once as if reversed",
+        "a collision that stops the arm",
+        "nothing is carried",
+        "a hand that shakes",
+    ],
 )
 def test_load_with_another_cause_accuses_nothing(reported: Reported, load: Reported) -> None:
     assert run(ArmCheck(0.03), reported, load) == ""
