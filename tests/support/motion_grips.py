@@ -17,6 +17,8 @@ from slipd.friction.friction_state import FrictionState
 from slipd.fusion import tipping_margin, utilisation
 from slipd.fusion.contact import contact_of
 from slipd.fusion.levels import Uncertainty
+from slipd.fusion.rows import TOUCHING
+from slipd.fusion.streaming import new_readings
 from slipd.grasp.arm_history import ArmGravity
 from slipd.grasp.grasp_view import Place
 from slipd.grasp.motion_advice import LOOK_NS, MotionAdvice
@@ -223,9 +225,14 @@ class Advised:
 
     def state(self, wrench: Array, image: Array) -> FingerState:
         """Return the state of a finger with this wrench on its pad, and this image."""
-        numbers = tuple(wrench.tolist())
-        contact = contact_of(numbers, 0.1)
+        contact = contact_of(wrench.tolist(), 0.1)
+        reading = new_readings([wrench.tolist()], [self.t_ns])
+        reading["phase"], reading["contact"] = TOUCHING, contact
         pressed = distribute("matched", X, Y, image, contact)
         return FingerState(
-            self.t_ns, GRIP_HOLDS, numbers, contact, pressed, friction=FrictionState(self._mu, "config", self._mu)
+            self.t_ns,
+            GRIP_HOLDS,
+            reading=reading,
+            load_distribution=pressed,
+            friction=FrictionState(self._mu, "config", self._mu),
         )

@@ -9,7 +9,6 @@ force reading too. What a verdict depends on and what changes rarely is noted wh
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -27,7 +26,8 @@ from slipd.finger.image_channel import ImageChannel, wrench_by_taxels
 from slipd.finger.trust import ContactPresence, Trust
 from slipd.finger.verdict import PAD_FREE, ROTATION_UNOBSERVED, STREAM_STALE, Verdict
 from slipd.fusion.levels import Uncertainty
-from slipd.fusion.rows import PULLED
+from slipd.fusion.rows import PULLED, TOUCHING
+from slipd.fusion.streaming import without_verdict
 from slipd.motion.evidence import evidence_mask
 from slipd.types.samples import TactileSample, WrenchSample
 from slipd_client.messages import LEVELS
@@ -319,17 +319,9 @@ class Finger:
 
     def _lose_image(self) -> FingerState:
         """Return the state without the image: rotation is not observed any more."""
-        return self._set_state(
-            replace(
-                self.state,
-                verdict=ROTATION_UNOBSERVED,
-                load_distribution=None,
-                utilisation=None,
-                tipping_margin_m=math.nan,
-                assessment=None,
-                model="none",
-            )
-        )
+        state = self.state
+        reading = None if state.reading is None else without_verdict(state.reading)
+        return self._set_state(replace(state, verdict=ROTATION_UNOBSERVED, reading=reading, load_distribution=None))
 
     def note_motion(self, until_ns: int, kinds: tuple[str, ...]) -> FingerState | None:
         """Report slip until a time, because evidence of these kinds shows that the object moves.
@@ -338,14 +330,16 @@ class Finger:
             The state of the newest reading with it; None where that reading does not touch, or is not trusted.
         """
         state = self.state
-        found = state.assessment
-        if found is None or not self.trust.newest:
+        if state.reading is None or state.phase != TOUCHING or not self.trust.newest:
             return None
-        mask = found.evidence | evidence_mask(*kinds)
-        self._estimator.note_motion(until_ns, mask)
+        reading = state.reading.copy()
+        found = reading["assessment"]
+        found["slips"] = True
+        found["evidence"] |= evidence_mask(*kinds)
+        self._estimator.note_motion(until_ns, found["evidence"].item(0))
         reasons = state.verdict.reasons
         slips = Verdict("slipping", reasons if "slip_detected" in reasons else ("slip_detected", *reasons))
-        return self._set_state(replace(state, verdict=slips, assessment=found._replace(slips=True, evidence=mask)))
+        return self._set_state(replace(state, verdict=slips, reading=reading))
 
     # What is known now
 

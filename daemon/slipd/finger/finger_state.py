@@ -8,12 +8,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from slipd.config import Finger as FingerConfig
 from slipd.finger.force_channel import WrenchBatch
 from slipd.finger.verdict import (
+    GRIP_HOLDS,
     PAD_FREE,
     PAD_PULLED,
     STREAM_STALE,
@@ -24,16 +26,18 @@ from slipd.finger.verdict import (
 )
 from slipd.friction.friction_state import FrictionState
 from slipd.fusion import Contact, Loads, Utilisation, grey_loads
-from slipd.fusion.friction_learning import Z
 from slipd.fusion.hull import Outline
 from slipd.fusion.levels import Assessment
-from slipd.fusion.limit.grip_factor import solve_reserve
 from slipd.fusion.loads import active_loads
-from slipd.fusion.rows import FREE, LATE, PULLED, TOUCHING, UNKNOWN, UNTRUSTED
-from slipd.fusion.streaming import contact_at, reading_at, wrench_at
+from slipd.fusion.rows import FREE, LATE, PULLED, STABLE, TOUCHING, UNKNOWN, UNTRUSTED, Rows
+from slipd.fusion.streaming import assessment_at, contact_at, utilisation_at, wrench_at
+from slipd.fusion.verdict_numbers import UNKNOWN_NUMBERS, find_numbers
 from slipd.motion.evidence import evidence_names
-from slipd.types.arrays import Array, finite_or_none
+from slipd.types.arrays import Array
 from slipd_client.messages import LEVELS
+
+_NO_FRICTION = FrictionState()
+_NO_TAXELS = (np.empty(0),) * 3
 
 
 @dataclass(slots=True, frozen=True, eq=False)
@@ -84,49 +88,77 @@ def distribute(rule: str, x: Array, y: Array, pressure: Array, contact: Contact)
     return LoadDistribution(x, y, loads, outline)
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class FingerState:
-    """State of a finger after one force reading: the verdict and the quantities behind it. None or NaN is unknown.
+    """State of a finger after one force reading: the verdict, and the reading behind it. None or NaN is unknown.
 
     Attributes:
         t_ns: When the reading was acquired, CLOCK_MONOTONIC.
         verdict: Level and reasons.
-        wrench: Force on the finger, N, and torque about the pad's origin, N·m, both in the pad frame: six numbers.
-        contact: Contact by the force sensor alone, in the pad frame; not valid without contact.
-        load_distribution: Shares of the normal force on the taxels, by the image.
-        utilisation: λ of the load, with its bounds; only its pole is known without a coefficient of friction.
-        tipping_margin_m: Signed distance of the contact centroid to the outline of the image, m; negative outside.
-        assessment: Result of the slip decision; None without a contact.
-        model: Most that the utilisation takes into account: "none", "translation" or "exact".
-        status: Conditions that the device reported with the reading.
         age_s: Age of the reading when it was received, s; None before the first.
+        status: Conditions that the device reported with the reading.
+        reading: Row of READING with all that was found, shape (1,); PENDING where it is not known any more what the
+            contact does; None where nothing is known.
+        load_distribution: Shares of the normal force on the taxels, by the image, where the reading touches.
         friction: What was known of the friction; None where nothing touches or the reading says nothing.
-        reserve: Needed normal force, N, and torque limit, N·m, once they were found.
     """
 
     t_ns: int
     verdict: Verdict
-    wrench: tuple[float, ...] | None = None
-    contact: Contact | None = None
-    load_distribution: LoadDistribution | None = None
-    utilisation: Utilisation | None = None
-    tipping_margin_m: float = math.nan
-    assessment: Assessment | None = None
-    model: str = "none"
-    status: tuple[str, ...] = ()
     age_s: float | None = None
+    status: tuple[str, ...] = ()
+    reading: Rows | None = None
+    load_distribution: LoadDistribution | None = None
     friction: FrictionState | None = None
-    reserve: tuple[float | None, float | None] | None = field(default=None, init=False, compare=False)
+    _numbers: list[Any] | None = field(default=None, init=False)
+
+    @property
+    def phase(self) -> int:
+        """Contact phase of the reading."""
+        return LATE if self.reading is None else int(self.reading["phase"].item(0))
+
+    @property
+    def wrench(self) -> list[float] | None:
+        """Force on the finger, N, and torque about the pad's origin, N·m, both in the pad frame: six numbers."""
+        if self.reading is None:
+            return None
+        wrench = wrench_at(self.reading, 0)
+        return None if math.isnan(wrench[2]) and self.phase == UNTRUSTED else wrench
+
+    @property
+    def contact(self) -> Contact | None:
+        """Contact by the force sensor alone, in the pad frame; not valid without contact."""
+        if self.reading is None or self.phase in (PULLED, UNTRUSTED):
+            return None
+        return contact_at(self.reading, 0)
 
     @property
     def normal_n(self) -> float | None:
         """Normal force by the force sensor, N; None where it is not known, or clearly negative."""
-        return None if self.contact is None else self.contact.normal_n
+        contact = self.contact
+        return None if contact is None else contact.normal_n
+
+    @property
+    def utilisation(self) -> Utilisation | None:
+        """λ of the load, with its bounds; only its pole is known without a coefficient of friction."""
+        if self.reading is None or self.friction is None:
+            return None
+        used, nan = utilisation_at(self.reading, 0), math.nan
+        if used is None or math.isnan(contact_at(self.reading, 0).spin_nm):
+            return None
+        return used if self.friction.mu is not None else used._replace(value=nan, lower=nan, upper=nan)
+
+    @property
+    def assessment(self) -> Assessment | None:
+        """Result of the slip decision; None without a contact."""
+        if self.reading is None or self.phase != TOUCHING:
+            return None
+        return assessment_at(self.reading, 0)
 
     @property
     def evidence(self) -> tuple[str, ...]:
         """What shows that the object moves, words of `slipd.motion.evidence.EVIDENCE`; empty where nothing does."""
-        return () if self.assessment is None else evidence_names(self.assessment.evidence)
+        return () if self.reading is None else evidence_names(self.reading["assessment"]["evidence"].item(0))
 
     def needed_normal_n(self, config: FingerConfig) -> float | None:
         """Return the least normal force on this pad that holds its load with the safety of ``[finger.X]``, N.
@@ -134,33 +166,31 @@ class FingerState:
         It holds the load with the noise of the reading too, at a one-sided confidence of 95 %. None where it is not
         known, and where no force would hold the load.
         """
-        return self._reserve(config)[0]
+        needed_n: float | None = self.numbers(config)[-1]
+        return needed_n
 
-    def torque_limit_nm(self, config: FingerConfig) -> float | None:
-        """Return the torque in the sense of the spin that friction carries together with the tangential force, N·m.
+    def numbers(self, config: FingerConfig) -> list[Any]:
+        """Return what `slipd.fusion.verdict_numbers.find_numbers` finds, None for what is not known.
 
-        None where it is not known.
+        That takes a search on the limit surface, once for each state.
         """
-        return self._reserve(config)[1]
+        if self._numbers is None:
+            self._numbers = UNKNOWN_NUMBERS if self.reading is None else self._find_numbers(self.reading, config)
+        return self._numbers
 
-    def _reserve(self, config: FingerConfig) -> tuple[float | None, float | None]:
-        """Return the force that is needed and the torque limit: a search on the limit surface, once for each state."""
-        if self.reserve is None:
-            self.reserve = self._find_reserve(config)
-        return self.reserve
-
-    def _find_reserve(self, config: FingerConfig) -> tuple[float | None, float | None]:
-        contact, distribution, used, friction = self.contact, self.load_distribution, self.utilisation, self.friction
-        if contact is None or distribution is None or used is None or friction is None or not friction.mu:
-            return None, None
-        wrench, loads_n = config.wrench, distribution.loads.loads * contact.normal_n
-        noise = (0.0, 0.0) if wrench is None else (wrench.force_std_n, wrench.torque_std_nm)  # that of a pad: unknown
-        factor, torque_nm = solve_reserve(
-            distribution.x, distribution.y, loads_n, friction.mu, contact.fx_n, contact.fy_n, contact.spin_nm,
-            contact.cx_m, contact.cy_m, used.twist, *noise, Z, config.grip_safety, friction.spin_scale,
+    def _find_numbers(self, reading: Rows, config: FingerConfig) -> list[Any]:
+        distribution, friction, wrench = self.load_distribution, self.friction or _NO_FRICTION, config.wrench
+        found = find_numbers(
+            reading,
+            *(_NO_TAXELS if distribution is None else (distribution.x, distribution.y, distribution.loads.loads)),
+            math.nan if friction.mu is None else friction.mu,
+            friction.spin_scale,
+            0.0 if wrench is None else wrench.force_std_n,  # the noise of a pad is not known
+            0.0 if wrench is None else wrench.torque_std_nm,
+            config.grip_safety,
             config.contact_growth,
-        )  # fmt: skip
-        return finite_or_none(factor * float(loads_n.sum())), finite_or_none(torque_nm)
+        )
+        return [number if math.isfinite(number) else None for number in found]
 
 
 @dataclass(slots=True, eq=False)
@@ -207,7 +237,7 @@ class VerdictBatch:
 
     def phase(self, k: int) -> int:
         """Return the contact phase of reading k."""
-        return int(self.readings.rows["phase"][k])
+        return TOUCHING if self.touches else int(self.readings.rows["phase"].item(k))
 
     @property
     def touches(self) -> bool:
@@ -226,44 +256,32 @@ class VerdictBatch:
             return None
         return float(self.readings.rows["contact"]["normal_n"][-1])
 
-    def force_state(self, k: int) -> FingerState:
-        """Return the force of reading k, which a message about it needs, without the work of a verdict."""
+    def _make_state(self, k: int) -> FingerState:
         readings, phase = self.readings, self.phase(k)
         age_s = (readings.received_ns - readings.times_ns[k]) * 1e-9
-        state = FingerState(readings.times_ns[k], STREAM_STALE, age_s=age_s)
-        if phase != LATE:
-            state.status, wrench = readings.statuses[k], wrench_at(readings.rows, k)
-            state.wrench = None if phase == UNTRUSTED and math.isnan(wrench[2]) else wrench
-        return state
-
-    def _make_state(self, k: int) -> FingerState:
-        state, phase = self.force_state(k), self.phase(k)
+        state = FingerState(readings.times_ns[k], STREAM_STALE, age_s)
+        if phase == LATE:
+            return state
+        state.status, state.reading = readings.statuses[k], readings.rows[k : k + 1]
         if phase == TOUCHING:
-            self._add_contact(state, k)
+            state.friction, state.load_distribution = self.frictions[k], self.load_distribution
+            state.verdict = self._contact_verdict(state, k)
         elif phase == UNTRUSTED:
             state.verdict = Verdict("unknown", self.readings.untrusted.get(k, UNTARED.reasons))
         elif phase == PULLED:
             state.verdict = PAD_PULLED
-        elif phase == FREE:
+        else:
             state.verdict = WEIGHT_UNKNOWN if self.levels[k] == UNKNOWN else PAD_FREE
-            state.contact = contact_at(self.readings.rows, k)
         return state
 
-    def _add_contact(self, state: FingerState, k: int) -> None:
-        """Fill in the state of a reading that touches."""
-        reading, friction = reading_at(self.readings.rows, k), self.frictions[k]
-        state.contact, state.friction, state.load_distribution = reading.contact, friction, self.load_distribution
-        state.tipping_margin_m, state.assessment = reading.tipping_margin_m, reading.assessment
-        used = None if math.isnan(reading.contact.spin_nm) else reading.utilisation
-        if friction.mu is not None:
-            state.model = "translation" if used is None else "exact"
-        elif used is not None:
-            used = used._replace(value=math.nan, lower=math.nan, upper=math.nan)
-        state.utilisation = used
+    def _contact_verdict(self, state: FingerState, k: int) -> Verdict:
+        """Return the verdict on reading k, which touches."""
         if self.disagreement and k < self.ends_at:
-            state.verdict = Verdict("unknown", ("disagreement", *self.disagreement))
-            return
-        ratio, level = reading.contact.friction_ratio, LEVELS[self.levels[k]]
-        state.verdict = contact_verdict(reading.assessment, level, used, ratio, friction.mu, self.caution)
+            return Verdict("unknown", ("disagreement", *self.disagreement))
+        level, found, friction = self.levels[k], GRIP_HOLDS, self.frictions[k]
+        if level != STABLE + 1:
+            judged, ratio = assessment_at(self.readings.rows, k), contact_at(self.readings.rows, k).friction_ratio
+            found = contact_verdict(judged, LEVELS[level], state.utilisation, ratio, friction.mu, self.caution)
         if self.load_distribution is None and self.image_fault:
-            state.verdict = Verdict(state.verdict.level, (self.image_fault, *state.verdict.reasons))
+            return Verdict(found.level, (self.image_fault, *found.reasons))
+        return found

@@ -46,7 +46,7 @@ TRANSLATION_UNSAFE = Verdict("warning", ("translation",))
 def contact_verdict(
     found: Assessment, level: str, used: Utilisation | None, friction_ratio: float, mu: float | None, caution: float
 ) -> Verdict:
-    """Return the verdict on a contact of which force sensor and image do not disagree.
+    """Return the verdict on a contact that is not stable, and of which force sensor and image do not disagree.
 
     Args:
         found: Result of the slip decision.
@@ -61,8 +61,6 @@ def contact_verdict(
     if used is None:
         known = ROTATION_UNOBSERVED if found.friction_step < WARNING else TRANSLATION_UNSAFE
         return Verdict(level, ("slip_detected", *known.reasons)) if found.slips else known
-    if found.friction_step == found.tipping_step == STABLE and not found.slips:
-        return GRIP_HOLDS
     by_unknown_load = found.tipping_by_unknown_load
     reasons = danger_reasons(used.value, friction_ratio / mu, caution) if found.friction_step > STABLE else ()
     only_by_weight = used.upper < caution and found.utilisation_upper > used.upper

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from struct import Struct
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -45,32 +45,6 @@ _GIVEN = Struct("7dq")
 """The first fields of READING, which are given: wrench, time in s, and time in ns."""
 
 
-class Reading(NamedTuple):
-    """A row of READING in Python's terms.
-
-    Attributes:
-        wrench: (F, M) on the finger in the pad frame, N and N·m, shape (6,); M is NaN where the sensor measures none.
-        t_s: Time, s.
-        t_ns: The same, ns.
-        doubts: Faults of the reading, as bits of `slipd.signals.frozen`; 0 without any.
-        phase: PENDING, TOUCHING, FREE, PULLED, LATE or UNTRUSTED.
-        contact: The contact; not valid unless TOUCHING.
-        tipping_margin_m: Signed distance of the centroid to the outline of the contact, m; NaN without an image.
-        utilisation: λ with its bounds; None where it was not solved.
-        assessment: What `slipd.fusion.assess` found.
-    """
-
-    wrench: Array
-    t_s: float
-    t_ns: int
-    doubts: int
-    phase: int
-    contact: Contact
-    tipping_margin_m: float
-    utilisation: Utilisation | None
-    assessment: Assessment
-
-
 def new_readings(wrenches: Sequence[Sequence[float]], times_ns: Sequence[int]) -> Rows:
     """Make PENDING readings.
 
@@ -89,14 +63,6 @@ def new_readings(wrenches: Sequence[Sequence[float]], times_ns: Sequence[int]) -
     return np.ndarray(len(wrenches), READING, memory)
 
 
-def reading_at(readings: Rows, index: int) -> Reading:
-    """Return one row in Python's terms."""
-    row: Any = readings.item(index)
-    wrench, t_s, t_ns, doubts, phase, contact, margin_m, used, found = row
-    used, found = _utilisation(*used), Assessment(*found)
-    return Reading(wrench, t_s, t_ns, doubts, phase, Contact(*contact), margin_m, used, found)
-
-
 def contact_at(readings: Rows, index: int) -> Contact:
     """Return the contact of one row."""
     numbers: Any = readings["contact"].item(index)
@@ -108,18 +74,34 @@ def first_contact(readings: Rows) -> Contact:
     return contact_at(readings, readings["phase"].tolist().index(TOUCHING))
 
 
-def wrench_at(readings: Rows, index: int) -> tuple[float, ...]:
+def wrench_at(readings: Rows, index: int) -> list[float]:
     """Return the wrench of one row: force, N, and torque, N·m."""
-    return tuple(readings["wrench"][index].tolist())
+    wrench: list[float] = readings["wrench"][index].tolist()
+    return wrench
 
 
-def _utilisation(
-    value: float, lower: float, upper: float, pole_m: Array, twist: Array, kind: int
-) -> Utilisation | None:
+def utilisation_at(readings: Rows, index: int) -> Utilisation | None:
+    """Return the utilisation of one row; None where it was not solved."""
+    numbers: Any = readings["utilisation"].item(index)
+    value, lower, upper, pole_m, twist, kind = numbers
     if kind == UNSOLVED:
         return None
     vx, vy, omega = twist.tolist()
     return Utilisation(value, lower, upper, pole_or_none(*pole_m.tolist()), KINDS[kind], (vx, vy, omega))
+
+
+def assessment_at(readings: Rows, index: int) -> Assessment:
+    """Return the assessment of one row."""
+    numbers: Any = readings["assessment"].item(index)
+    return Assessment(*numbers)
+
+
+def without_verdict(reading: Rows) -> Rows:
+    """Return a copy of rows of READING that has their wrenches and contacts alone."""
+    bare = reading.copy()
+    bare["phase"], bare["tipping_margin_m"], bare["utilisation"]["kind"] = PENDING, math.nan, UNSOLVED
+    bare["assessment"]["evidence"], bare["assessment"]["required_friction"] = 0, math.nan
+    return bare
 
 
 @compiled

@@ -6,6 +6,7 @@ A quantity that depends on a finger with stale or untrusted readings is not know
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -173,17 +174,18 @@ class _Side:
         self.finger, self.state = finger, state
         self._trusted = is_trusted(state.verdict)
         self.normal_n = self.tangential_n = self.utilisation = math.nan
-        if state.utilisation is not None and self._trusted:
-            self.utilisation = state.utilisation.value
-        if state.contact is not None and self._trusted:
-            self.normal_n, self.tangential_n = state.contact.normal_n, state.contact.tangential_norm_n
+        contact, used = state.contact, state.utilisation
+        if used is not None and self._trusted:
+            self.utilisation = used.value
+        if contact is not None and self._trusted:
+            self.normal_n, self.tangential_n = contact.normal_n, contact.tangential_norm_n
         needed_n, friction, stated = state.needed_normal_n(finger.config), state.friction, finger.friction.stated
         self.needed_n = math.nan if needed_n is None else needed_n
         self.learned_rise = 1.0
         if friction is not None and friction.mu is not None:
             self.learned_rise = math.inf if stated is None else max(friction.mu / stated, 1.0)
 
-    def wrench(self, t_ns: int) -> tuple[float, ...]:
+    def wrench(self, t_ns: int) -> Sequence[float]:
         """Return force and torque on the pad; NaN also where they may contain the finger's own weight."""
         wrench, force = self.state.wrench, self.finger.force
         weighs = force is not None and force.gravity.state(t_ns) == "unknown_orientation"

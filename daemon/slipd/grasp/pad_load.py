@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -78,7 +79,7 @@ class PadLoad:
         """Forget the load."""
         self._count = 0
 
-    def update(self, wrench: tuple[float, ...]) -> float:
+    def update(self, wrench: Sequence[float]) -> float:
         """Add a reading; return the weight of the newest in the mean."""
         self._count = min(self._count + 1, MEMORY_READINGS)
         self._mean = self._mean + (np.array(wrench) - self._mean) / self._count

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite, nan
 from typing import cast
 
 from slipd.config import Rates
@@ -10,10 +11,10 @@ from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState, VerdictBatch
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
-from slipd.finger.verdict import PAD_PULLED
 from slipd.friction.friction_state import FrictionState
-from slipd.fusion import Contact
-from slipd.publish.message_sequencer import Body, MessageSequencer, Pace, array, finite, numbers
+from slipd.fusion.verdict_numbers import MODELS
+from slipd.motion.evidence import evidence_names
+from slipd.publish.message_sequencer import Body, MessageSequencer, Pace, array, finite
 from slipd.types.arrays import finite_or_none
 from slipd_client.messages import (
     LEVELS,
@@ -27,58 +28,71 @@ from slipd_client.messages import (
 
 NEWTON, UNCALIBRATED = "N", "uncalibrated"
 """``force_unit``: the unit of every force in a message; torques are in this unit times metres."""
+_NO_WRENCH = (nan,) * 6
 
 
 def slip_body(finger: Finger, state: FingerState) -> Body:
     """Return ``slip.<finger>``: the verdict on one contact, and the quantities behind it."""
-    force, image, used, distribution = finger.force, finger.image, state.utilisation, state.load_distribution
+    force, image, distribution = finger.force, finger.image, state.load_distribution
+    (
+        evidence, model, normal_n, fx_n, fy_n, spin_nm, cx_m, cy_m, cx_std_m, cy_std_m, ratio, ratio_std, required,
+        used, lower, upper, pole_x_m, pole_y_m, margin_m, torque_limit_nm, needed_n,
+    ) = state.numbers(finger.config)  # fmt: skip
+    friction, zero = state.friction or finger.friction.state, finger.tare.current
+    carried = None if state.friction is None else state.friction.carried
     return {
-        **_verdict(finger, state),
+        "finger": finger.name,
+        "level": state.verdict.level,
+        "level_code": LEVELS.index(state.verdict.level),
+        "reasons": list(state.verdict.reasons),
+        "evidence": list(evidence_names(evidence)),
         "force_unit": _force_unit(finger, state),
-        "normal_n": finite_or_none(_normal_n(state)),
-        **_contact_body(state.contact),
+        "normal_n": normal_n,
+        "tangential_n": _vector(fx_n, fy_n),
+        "spin_nm": spin_nm,
+        "centroid_m": _vector(cx_m, cy_m),
+        "centroid_std_m": _vector(cx_std_m, cy_std_m),
+        "friction_ratio": ratio,
+        "friction_ratio_std": ratio_std,
         "gravity": None if force is None else force.gravity.state(state.t_ns),
-        **friction_body(state.friction or finger.friction.state),
-        **_required_friction(state),
-        "utilisation": None if used is None else finite_or_none(used.value),
-        "utilisation_lower": None if used is None else finite_or_none(used.lower),
-        "utilisation_upper": None if used is None else finite_or_none(used.upper),
-        "torque_limit_nm": state.torque_limit_nm(finger.config),
-        "grip_needed_n": state.needed_normal_n(finger.config),
-        "pole_m": None if used is None else array(used.pole_m),
-        "tipping_margin_m": finite_or_none(state.tipping_margin_m),
+        "mu": friction.mu,
+        "mu_source": friction.source,
+        "mu_low": friction.mu_low,
+        "mu_high": friction.mu_high,
+        "mu_d": friction.mu_d,
+        "required_friction": required,
+        "carried_friction": carried,
+        "relative_utilisation": None if carried is None or required is None else required / carried,
+        "utilisation": used,
+        "utilisation_lower": lower,
+        "utilisation_upper": upper,
+        "torque_limit_nm": torque_limit_nm,
+        "grip_needed_n": needed_n,
+        "pole_m": _vector(pole_x_m, pole_y_m),
+        "tipping_margin_m": margin_m,
         "tipping_margin_std_m": None if image is None else 0.5 * image.geometry.pitch_m,
         "centroid_residual_m": None if distribution is None else finite_or_none(distribution.loads.centroid_residual_m),
-        "model": state.model,
-        "tare_id": finger.tare.current.id,
-        **tare_body(finger.main, state.t_ns),
+        "model": MODELS[model],
+        "tare_id": zero.id,
+        "tare_origin": finger.main.zero.origin,
+        "tare_age_s": zero.age_s(state.t_ns),
         "age_s": state.age_s,
     }
 
 
-def _contact_body(contact: Contact | None) -> Body:
-    """Return the forces of a contact and where they act, which takes a torque."""
-    if contact is None or not contact.valid:
-        return _NO_CONTACT
-    return {
-        "tangential_n": numbers((contact.fx_n, contact.fy_n)),
-        "spin_nm": finite_or_none(contact.spin_nm),
-        "centroid_m": numbers((contact.cx_m, contact.cy_m)),
-        "centroid_std_m": numbers((contact.cx_std_m, contact.cy_std_m)),
-        "friction_ratio": finite_or_none(contact.friction_ratio),
-        "friction_ratio_std": finite_or_none(contact.friction_ratio_std),
-    }
-
-
-_NO_CONTACT: Body = dict.fromkeys(
-    ("tangential_n", "spin_nm", "centroid_m", "centroid_std_m", "friction_ratio", "friction_ratio_std")
-)
+def _vector(*components: float | None) -> list[float | None] | None:
+    """Return a vector; None where a component is not known."""
+    return None if None in components else list(components)
 
 
 def warning_body(finger: Finger, state: FingerState, previous: str) -> Body:
     """Return ``warning``: the level of a finger is no longer ``previous``."""
     return {
-        **_verdict(finger, state),
+        "finger": finger.name,
+        "level": state.verdict.level,
+        "level_code": LEVELS.index(state.verdict.level),
+        "reasons": list(state.verdict.reasons),
+        "evidence": list(state.evidence),
         "previous": previous,
         "rising": SEVERITY[state.verdict.level] > SEVERITY[previous],
         "utilisation": None if state.utilisation is None else finite_or_none(state.utilisation.value),
@@ -87,14 +101,15 @@ def warning_body(finger: Finger, state: FingerState, previous: str) -> Body:
 
 def wrench_body(finger: Finger, state: FingerState) -> Body:
     """Return ``wrench.<finger>``: the force on the finger in the pad frame, tared and mounted."""
-    wrench = state.wrench
+    wrench = state.wrench or _NO_WRENCH
+    fx_n, fy_n, fz_n, *torque_nm = [number if isfinite(number) else None for number in wrench]
     return {
         "finger": finger.name,
         "force_unit": _force_unit(finger, state),
-        "force_n": None if wrench is None else numbers(wrench[:3]),
-        "torque_nm": None if wrench is None else numbers(wrench[3:]),
-        "normal_n": None if wrench is None else finite_or_none(-wrench[2]),
-        "tangential_n": None if wrench is None else numbers(wrench[:2]),
+        "force_n": _vector(fx_n, fy_n, fz_n),
+        "torque_nm": _vector(*torque_nm),
+        "normal_n": None if fz_n is None else -fz_n,
+        "tangential_n": _vector(fx_n, fy_n),
         "status": list(state.status),
         "tare_id": finger.tare.current.id,
         "age_s": state.age_s,
@@ -154,37 +169,8 @@ def friction_setter_body(finger: Finger) -> Body:
     return {**friction_body(friction.state), "mu_by": friction.set_by, "mu_t_ns": friction.set_t_ns}
 
 
-def _required_friction(state: FingerState) -> Body:
-    """Return what friction the load requires, beside what this grasp has carried."""
-    required = None if state.assessment is None else finite_or_none(state.assessment.required_friction)
-    carried = None if state.friction is None else state.friction.carried
-    return {
-        "required_friction": required,
-        "carried_friction": carried,
-        "relative_utilisation": None if carried is None or required is None else required / carried,
-    }
-
-
-def _verdict(finger: Finger, state: FingerState) -> Body:
-    """Return the fields that ``slip`` and ``warning`` share."""
-    return {
-        "finger": finger.name,
-        "level": state.verdict.level,
-        "level_code": LEVELS.index(state.verdict.level),
-        "reasons": list(state.verdict.reasons),
-        "evidence": list(state.evidence),
-    }
-
-
 def _force_unit(finger: Finger, state: FingerState) -> str:
     return NEWTON if finger.in_newtons and "raw" not in state.status else UNCALIBRATED
-
-
-def _normal_n(state: FingerState) -> float | None:
-    """Return the normal force, N; also the negative one for which nothing else is known."""
-    if state.contact is not None:
-        return state.contact.normal_n
-    return -state.wrench[2] if state.verdict is PAD_PULLED and state.wrench is not None else None
 
 
 class FingerPublisher:
@@ -229,7 +215,7 @@ class FingerPublisher:
                 self.publish_state(batch[at], out)
             elif t_ns >= wrench.due_ns:
                 wrench.passes(t_ns, self.level)
-                self._append(self._wrench_topic, t_ns, wrench_body(self._finger, batch.force_state(at)), out)
+                self._append(self._wrench_topic, t_ns, wrench_body(self._finger, batch[at]), out)
 
     def publish_image(self, t_ns: int, out: list[Output]) -> None:
         """Append the message about the newest image; at once where the image became usable or unusable."""

@@ -15,6 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from nanoseconds import MS, T0
 
+from slipd.config import Finger as FingerConfig
 from slipd.config import Rates
 from slipd.events import Output
 from slipd.finger.finger import Finger
@@ -67,7 +68,7 @@ class Split:
             size = self._sizes[0]
             self._sizes = [*self._sizes[1:], size]
             for batch in self.finger.decide(samples[at : at + size], times_ns[at : at + size]):
-                self.reported += plain(batch)
+                self.reported += plain(batch, self.finger.config)
                 self.publisher.publish_batch(batch, self.out)
             at += size
         self.reported.append(
@@ -77,19 +78,15 @@ class Split:
         )
 
 
-def plain(batch: VerdictBatch) -> list[str]:
+def plain(batch: VerdictBatch, config: FingerConfig) -> list[str]:
     """Return all that is known after each reading, to the last bit."""
     known = []
     for state, level in zip(batch, batch.levels, strict=True):
         assert level == level_code(state.verdict.level)
         used, shares = state.utilisation, state.load_distribution
         arrays = [None if values is None else values.tolist() for values in (used and used.pole_m, shares and shares.x)]
-        numbers = (state.contact, used and (*used[:3], *used[4:]), state.tipping_margin_m, state.age_s)
-        known.append(
-            repr(
-                (state.t_ns, state.verdict, state.wrench, state.model, state.status, state.friction, *numbers, *arrays)
-            )
-        )
+        numbers = (state.contact, used and (*used[:3], *used[4:]), state.numbers(config), state.age_s)
+        known.append(repr((state.t_ns, state.verdict, state.wrench, state.status, state.friction, *numbers, *arrays)))
     return known
 
 

@@ -14,6 +14,7 @@ from nanoseconds import MS, T0
 from slipd.config import Levels
 from slipd.finger.finger import Finger
 from slipd.finger.stream_health import finger_conditions
+from slipd.publish.finger_messages import slip_body
 from slipd.types.samples import TactileSample, WrenchSample
 from slipd_client.messages import Health
 
@@ -33,7 +34,7 @@ def test_image_of_three_periods_ago_takes_back_stable_and_caution_but_no_warning
     assert verdict(finger.state) == after
     assert finger.check_silence(edge + 2) is None, "it is reported once"
     if level != "warning":
-        assert finger.state.model == "none"
+        assert slip_body(finger, finger.state)["model"] == "none"
         assert verdict(read_force(finger, wrench(edge + 1, 10.0, (pull_n, 0.0)))) == after
 
 

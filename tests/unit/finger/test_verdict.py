@@ -18,6 +18,7 @@ from slipd.finger.finger import Finger
 from slipd.finger.verdict import danger_reasons
 from slipd.fusion import grip_needed_n, torque_limit
 from slipd.fusion.rows import LOAD_DROP_BIT
+from slipd.publish.finger_messages import slip_body
 from slipd.types.samples import WrenchSample
 
 RISING = np.linspace(3.0, 4.8, 150)
@@ -65,7 +66,8 @@ def test_level_and_reasons_of_a_contact(
     assert bool(reasons) is (len(expected) > 1)
     if normal_n > 0.0:
         seen = counts is FULL or counts is ONE
-        assert (state.model, state.utilisation is not None) == ("exact" if seen else "translation", seen)
+        model = slip_body(finger, state)["model"]
+        assert (model, state.utilisation is not None) == ("exact" if seen else "translation", seen)
         if turn == 0.0 and seen:
             assert state.utilisation.value == pytest.approx(share, rel=1e-6)
 
@@ -76,16 +78,16 @@ def test_the_force_and_the_torque_that_a_contact_needs_and_holds(
 ) -> None:
     finger = make_finger(left.replace("mu = 0.5", "mu = 0.5\ncontact_growth = 0.2"), parse)
     press = make_press(finger)
-    assert finger.state.needed_normal_n(finger.config) is finger.state.torque_limit_nm(finger.config) is None
+    assert finger.state.needed_normal_n(finger.config) is slip_body(finger, finger.state)["torque_limit_nm"] is None
     state = press(10.0, (1.0, 0.5), spin, (0.001, 0.0))
     loads = state.load_distribution.loads.loads * 10.0
     taxels = state.load_distribution.x, state.load_distribution.y, loads, 0.5
     needed_n = grip_needed_n(*taxels, (1.0, 0.5), spin, (0.001, 0.0), growth=0.2, safety=finger.config.grip_safety)
     limit_nm = torque_limit(*taxels, (1.0, 0.5), (0.001, 0.0), 1 if spin > 0.0 else -1).torque_nm
     assert state.needed_normal_n(finger.config) == pytest.approx(needed_n, rel=1e-6)
-    assert state.torque_limit_nm(finger.config) == pytest.approx(limit_nm, rel=1e-6)
+    assert slip_body(finger, state)["torque_limit_nm"] == pytest.approx(limit_nm, rel=1e-6)
     unseen = press(10.0, (1.0, 0.5), spin, counts=EMPTY)
-    assert unseen.needed_normal_n(finger.config) is unseen.torque_limit_nm(finger.config) is None
+    assert unseen.needed_normal_n(finger.config) is slip_body(finger, unseen)["torque_limit_nm"] is None
 
 
 def test_noise_of_the_centroid_is_not_tipping(left: str, parse: Parse, wrench: Wrench, image: Image) -> None:
@@ -144,8 +146,8 @@ def test_contact_without_torque_or_pad_is_unsafe_or_unknown(left: str, parse: Pa
     finger.update_image(image(T0, FULL))
     for pulled_n, expected in ((1.0, ("unknown", ("rotation_unobserved",))), (4.8, ("warning", ("translation",)))):
         state = read(finger, WrenchSample(T0, None, np.array((pulled_n, 0.0, -10.0)), torque))
-        assert (verdict(state), state.model) == (expected, "translation")
-        assert math.isnan(state.tipping_margin_m)
+        assert (verdict(state), slip_body(finger, state)["model"]) == (expected, "translation")
+        assert slip_body(finger, state)["tipping_margin_m"] is None
     assert verdict(read(finger, WrenchSample(T0, None, np.zeros(3), torque))) == ("no_contact", ())
 
 

@@ -15,10 +15,11 @@ from slipd.fusion.contact import contact_of
 from slipd.fusion.levels import ContactWatch, Uncertainty
 from slipd.fusion.rows import FREE, LATE, PENDING, TOUCHING, UNTRUSTED
 from slipd.fusion.streaming import (
+    contact_at,
     find_contacts,
     move_to_pad,
     new_readings,
-    reading_at,
+    utilisation_at,
     wrench_at,
 )
 
@@ -96,7 +97,7 @@ def test_readings_that_follow_each_other_have_the_contacts_that_each_has(
     ends_at, phases = find_contacts(rows, watch.state, 0, False)
     ends, found_phases = [], set()
     for k, (phase, *_, torque) in enumerate(readings):
-        found, wrench = reading_at(rows, k), wrench_at(moved, k)
+        found, contact, wrench = rows[k], contact_at(rows, k), wrench_at(moved, k)
         *force, fz = wrench[:3]
         expected = contact_of(
             (*force, fz, *(wrench[3:] if torque else (0.0, 0.0, 0.0))), 0.4 if in_contact else 0.5, 0.02, torque_std_nm
@@ -108,16 +109,16 @@ def test_readings_that_follow_each_other_have_the_contacts_that_each_has(
                 cx_m=math.nan, cy_m=math.nan, cx_std_m=math.nan, cy_std_m=math.nan, spin_nm=math.nan
             )
         found_phase = phase if phase != PENDING else TOUCHING if expected.valid else FREE
-        assert found.phase == found_phase
-        assert found.t_s == 100_000_000 * k * 1e-9
+        assert found["phase"] == found_phase
+        assert found["t_s"] == 100_000_000 * k * 1e-9
         found_phases.add(found_phase)
-        assert found.utilisation is None
-        assert math.isnan(found.tipping_margin_m)
-        assert np.array_equal(found.wrench, wrench, equal_nan=True)
-        assert np.array_equal(found.contact, expected, equal_nan=True)
+        assert utilisation_at(rows, k) is None
+        assert math.isnan(found["tipping_margin_m"])
+        assert np.array_equal(found["wrench"], wrench, equal_nan=True)
+        assert np.array_equal(contact, expected, equal_nan=True)
         if found_phase != UNTRUSTED:
-            ends += [k] if in_contact and not found.contact.valid else []
-            in_contact = found.contact.valid
+            ends += [k] if in_contact and not contact.valid else []
+            in_contact = contact.valid
     assert ends_at == min(ends, default=len(rows))
     assert phases == sum(1 << phase for phase in found_phases)
 

@@ -15,7 +15,7 @@ from slipd.fusion import torque_limit, utilisation
 from slipd.fusion.levels import ContactWatch
 from slipd.fusion.limit.batch import solve_readings
 from slipd.fusion.rows import FREE, UNTRUSTED
-from slipd.fusion.streaming import find_contacts, new_readings, reading_at
+from slipd.fusion.streaming import contact_at, find_contacts, new_readings, utilisation_at
 
 
 @pytest.mark.parametrize("gap", [1e-2, 1e-6])
@@ -85,14 +85,14 @@ def test_readings_that_follow_each_other_have_the_utilisation_that_each_has(seed
     watch = ContactWatch(Levels(), Slip(), 0.001, 0.5)
     find_contacts(readings, watch.state, 0, False)
     assert readings["phase"][[4, 8]].tolist() == [FREE, UNTRUSTED]
-    assert reading_at(readings, 0).utilisation is None, "not solved yet"
+    assert utilisation_at(readings, 0) is None, "not solved yet"
     singly, unknown = readings.copy(), (math.nan,) * 3
     solve_readings(readings, x, y, shares, MU, 1.0, *unknown, 1e-9, 40)
     twist = None
     for k in range(12):
         solve_readings(singly[k : k + 1], x, y, shares, MU, 1.0, *(twist or unknown), 1e-9, 40)
         assert repr(singly[k]) == repr(readings[k]), "to the last bit"
-        told, contact = reading_at(readings, k).utilisation, reading_at(readings, k).contact
+        told, contact = utilisation_at(readings, k), contact_at(readings, k)
         if not contact.valid:
             assert (told.kind, math.isnan(told.value), told.pole_m) == ("none", True, None)
             twist = twist if k == 8 else None

@@ -13,7 +13,7 @@ from motion_grips import COLS, GRAVITY_MPS2, ROWS, Advised, Grip, random_grip, t
 
 from slipd.finger.verdict import PAD_FREE, STREAM_STALE, Verdict
 from slipd.friction.friction_state import FrictionState
-from slipd.fusion.contact import contact_of
+from slipd.fusion.streaming import new_readings
 from slipd.grasp.arm_history import ERROR_MPS2, ArmGravity
 from slipd.grasp.motion_advice import ARM_SILENT, GYRATION_M, NO_ARM, NO_GRAVITY
 from slipd.grasp.motion_answers import MotionCheck, MotionLimits
@@ -167,8 +167,8 @@ def jump(advised: Advised) -> None:
     [
         (lambda advised: setattr(advised.fingers["right"], "force", None), "finger right has no force sensor"),
         (has("left", verdict=STREAM_STALE), "finger left: stale"),
-        (has("right", contact=None), "finger right: stable"),
-        (has("right", contact=contact_of((0.0,) * 6, 0.1)), "finger right touches nothing"),
+        (has("right", reading=None), "finger right: stable"),
+        (has("right", reading=new_readings([(0.0,) * 6], [0])), "finger right touches nothing"),
         (has("right", verdict=Verdict("slipping", ("slip_detected",))), "finger right slips"),
         (has("left", load_distribution=None), "rotation_unobserved"),
         (has("left", friction=FrictionState()), "finger left: no friction is known"),
@@ -196,7 +196,7 @@ def test_what_is_not_known_makes_the_advice_unknown_with_the_reason(make: Callab
 def test_a_contact_that_ended_begins_with_new_loads() -> None:
     advised = Advised(firm())
     advised.fingers["left"].state.verdict = PAD_FREE
-    advised.fingers["left"].state.contact = None
+    advised.fingers["left"].state.reading = None
     advised.look()
     assert advised.advice.follow(advised.t_ns) > advised.t_ns, "not due"
     advised.view.object = NOTHING_HELD

@@ -1,0 +1,88 @@
+"""The numbers of the verdict on one reading, with what its load needs: all that a message states, in one call.
+
+`slipd.fusion.streaming` has judged the reading; what only a message needs is solved here.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from slipd.fusion.compiled import compiled
+from slipd.fusion.friction_learning import Z
+from slipd.fusion.limit.grip_factor import solve_reserve
+from slipd.fusion.rows import TOUCHING, UNSOLVED, UNTRUSTED, Rows
+from slipd.types.arrays import Array
+
+MODELS = ("none", "translation", "exact")
+"""What a utilisation takes into account."""
+NONE, TRANSLATION, EXACT = range(3)
+UNKNOWN_NUMBERS: list[Any] = [0, NONE, *(None,) * 19]
+"""What `find_numbers` gives of no reading."""
+
+
+@compiled
+def find_numbers(
+    reading: Rows, x: Array, y: Array, shares: Array, mu: float, spin_scale: float, force_std: float, torque_std: float,
+    safety: float, growth: float,
+) -> tuple[Any, ...]:  # fmt: skip
+    """Find the numbers of the verdict on one reading; one that is not known is not finite.
+
+    Args:
+        reading: One judged row of READING, shape (1,).
+        x: Centres of the active taxels, shape (k,), contiguous, m; k = 0 without an image.
+        y: Likewise, shape (k,), m.
+        shares: Load on each for a normal force of 1 N, shape (k,).
+        mu: Coefficient of friction; NaN if unknown.
+        spin_scale: How many times as much friction a spin uses.
+        force_std: Standard deviation of each force component, N; 0 where it is not known.
+        torque_std: Standard deviation of each torque component, N·m; likewise.
+        safety: Factor on the load that has to be held.
+        growth: Exponent with which the contact grows, see `slipd.fusion.limit.grip_factor.solve_grip_factor`.
+
+    Returns:
+        Evidence, as bits; model, an index of MODELS; normal force; tangential force (2); spin; centroid (2) and its
+        standard deviation (2); R and its standard deviation; required friction; λ and its bounds (2); pole (2); tipping
+        margin; torque that friction carries in the sense of the spin; and least normal force that holds the load.
+    """
+    nan, row = math.nan, reading[0]
+    contact, used, found, twist = row["contact"], row["utilisation"], row["assessment"], row["utilisation"]["twist"]
+    normal, fx, fy, spin = contact["normal_n"], contact["fx_n"], contact["fy_n"], contact["spin_nm"]
+    cx, cy, cx_std, cy_std = contact["cx_m"], contact["cy_m"], contact["cx_std_m"], contact["cy_std_m"]
+    ratio, ratio_std, margin = contact["friction_ratio"], contact["friction_ratio_std"], row["tipping_margin_m"]
+    value, lower, upper, px, py, torque_limit, needed = nan, nan, nan, nan, nan, nan, nan
+    exact = used["kind"] != UNSOLVED and not math.isnan(spin)
+    if exact:
+        px, py = used["pole_m"]
+    if exact and mu > 0.0:
+        value, lower, upper, loads = used["value"], used["lower"], used["upper"], shares * normal
+        factor, torque_limit = solve_reserve(
+            x, y, loads, mu, fx, fy, spin, cx, cy, (twist[0], twist[1], twist[2]), force_std, torque_std, Z, safety,
+            spin_scale, growth,
+        )  # fmt: skip
+        needed = factor * _sum(loads)
+    if row["phase"] == UNTRUSTED:
+        normal = nan
+    if not contact["valid"]:
+        fx, fy = nan, nan
+    model = NONE
+    if row["phase"] == TOUCHING and not math.isnan(mu):
+        model = EXACT if exact else TRANSLATION
+    return (
+        found["evidence"], model, normal, fx, fy, spin, cx, cy, cx_std, cy_std, ratio, ratio_std,
+        found["required_friction"], value, lower, upper, px, py, margin, torque_limit, needed,
+    )  # fmt: skip
+
+
+@compiled
+def _sum(values: Array) -> float:
+    """Return the sum of up to 128 values to the last bit as NumPy does: in eight parts, then the rest."""
+    parts, rest = np.zeros(8), values.size % 8
+    for k in range(values.size - rest):
+        parts[k % 8] += values[k]
+    total = ((parts[0] + parts[1]) + (parts[2] + parts[3])) + ((parts[4] + parts[5]) + (parts[6] + parts[7]))
+    for k in range(values.size - rest, values.size):
+        total += values[k]
+    return float(total)
