@@ -97,10 +97,8 @@ class ArmCheck:
                 return
 
     def _is_seen_again(self, better: int) -> bool:
-        since = self._count - self._seen.setdefault(better, self._count)
-        if since > RECENT:
-            self._seen[better] = self._count
-        return AGAIN <= since <= RECENT
+        self._seen = {index: first for index, first in self._seen.items() if self._count - first <= RECENT}
+        return self._count - self._seen.setdefault(better, self._count) >= AGAIN
 
     def _compare(self, span: int) -> int | None:
         """Return what explains the last readings much better than what is believed of the stream; None: nothing.
