@@ -60,11 +60,6 @@ class ContactEstimator:
         """The newest reading that could be trusted touches."""
         return bool(self.watch.state["memory"]["in_contact"][0])
 
-    @property
-    def least_normal_n(self) -> float:
-        """Least normal force that counts as contact now, N."""
-        return float(self.watch.state["conditions"]["lasts_n" if self.in_contact else "begins_n"][0])
-
     def note_motion(self, until_ns: int, evidence: int) -> None:
         """Report slip until a time; see `ContactWatch.note_motion`."""
         self.watch.note_motion(until_ns * 1e-9, evidence)

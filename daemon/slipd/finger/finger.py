@@ -175,7 +175,7 @@ class Finger:
             summary = check.take_summary(normal_n, free=self.level == PAD_FREE.level)
         image.update(sample, t_ns, summary, arrival)
         if check is not None and self.motion is not None:
-            check.update_image(t_ns, self._estimator, known=normal_n is not None)
+            check.update_image(t_ns, known=normal_n is not None)
             self._look_for_motion(self.motion, image, check, before_ns, t_ns)
         readings = wrench_by_taxels(image, sample, t_ns) if self.force is None and image.three_axis else None
         self._follow_image()

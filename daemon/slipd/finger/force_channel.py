@@ -201,6 +201,8 @@ class ForceChannel:
 
     def uncertainty(self, t_ns: int) -> Uncertainty:
         """Return how far a reading at ``t_ns`` may be off."""
+        if self.mass_kg == 0.0:
+            return self.noise
         return Uncertainty(*self.noise[:2], *self.gravity.uncertainty(t_ns))
 
     def _follow_tare(self) -> None:

@@ -9,14 +9,13 @@ from slipd.config import Finger as FingerConfig
 from slipd.config import Pad
 from slipd.finger.force_channel import ForceChannel
 from slipd.fusion import Contact
-from slipd.fusion.contact import contact_of
-from slipd.fusion.levels import Uncertainty
+from slipd.fusion.compiled import compiled
+from slipd.fusion.contact import contact_numbers
 from slipd.fusion.recent_forces import begin_range, mean_wrench
 from slipd.fusion.rows import Rows
 from slipd.signals.force_image_agreement import STDS, Agreement
 
 if TYPE_CHECKING:
-    from slipd.finger.contact_estimator import ContactEstimator
     from slipd.finger.image_channel import ImageChannel
 
 MOVING_STDS = 6.0
@@ -82,12 +81,13 @@ class ForceImageCheck:
         """Return the mean wrench of the force sensor between two times; see the kernel of this name."""
         return mean_wrench(self._state, since_ns, until_ns)
 
-    def update_image(self, t_ns: int, estimator: ContactEstimator, *, known: bool) -> None:
+    def update_image(self, t_ns: int, *, known: bool) -> None:
         """Compare the newest image with the force at its time.
+
+        What the unknown weight of the finger may add counts fully: `Agreement` allows ``STDS`` standard deviations.
 
         Args:
             t_ns: When the image was acquired.
-            estimator: Knows the least normal force that counts as contact.
             known: The newest force is known.
         """
         image = self._image
@@ -97,12 +97,12 @@ class ForceImageCheck:
         if t_ns - self._compared_ns < COMPARE_NS:
             return
         self._compared_ns = t_ns
-        uncertainty = self._force.uncertainty(t_ns)
-        contact = _contact(mean_wrench(self._state, t_ns, t_ns), uncertainty, estimator.least_normal_n)
-        found = self._agreement.update(
-            t_ns, contact, uncertainty.force_std_n + uncertainty.force_n, image.x, image.y, image.pressure
+        force_std_n, torque_std_nm, force_n, torque_nm = self._force.uncertainty(t_ns)
+        contact = Contact(
+            *_contact_at(self._state, t_ns, force_std_n + force_n / STDS, torque_std_nm + torque_nm / STDS)
         )
-        self.disagreement = tuple(f"disagreement_{what}" for what in found)
+        found = self._agreement.update(t_ns, contact, force_std_n + force_n, image.x, image.y, image.pressure)
+        self.disagreement = tuple(f"disagreement_{what}" for what in found) if found else ()
 
     def reset(self) -> None:
         """Forget what was compared: the contact or a stream ended."""
@@ -110,16 +110,25 @@ class ForceImageCheck:
         self._agreement.reset()
 
 
-def _contact(wrench: tuple[float, ...], uncertainty: Uncertainty, least_normal_n: float) -> Contact:
-    """Return the contact by the force sensor; without torque its centroid and spin are NaN.
+@compiled
+def _contact_at(
+    states: Rows, t_ns: int, force_std: float, torque_std: float
+) -> tuple[float, float, float, float, float, float, float, float, float, float, bool]:
+    """Return the fields of the `Contact` at a time, by the kept reading nearest to it; there must be a reading.
 
-    What the unknown weight of the finger may add counts fully: `Agreement` allows ``STDS`` standard deviations.
+    Without torque, its centroid and spin are NaN. Where it is not valid, only its normal force is known.
+
+    Args:
+        states: One row of STATE.
+        t_ns: CLOCK_MONOTONIC.
+        force_std: Standard deviation of each force component, N.
+        torque_std: Standard deviation of each torque component, N·m.
     """
-    force_std_n = uncertainty.force_std_n + uncertainty.force_n / STDS
-    torque_std_nm = uncertainty.torque_std_nm + uncertainty.torque_nm / STDS
-    fx, fy, fz, *torque = wrench
-    if math.isnan(torque[0]):
-        contact = contact_of((fx, fy, fz, 0.0, 0.0, 0.0), least_normal_n, force_std_n, torque_std_nm)
-        nan = math.nan
-        return contact._replace(cx_m=nan, cy_m=nan, cx_std_m=nan, cy_std_m=nan, spin_nm=nan)
-    return contact_of((fx, fy, fz, *torque), least_normal_n, force_std_n, torque_std_nm)
+    fx, fy, fz, mx, my, mz = mean_wrench(states, t_ns, t_ns)
+    conditions = states[0]["conditions"]
+    least_n = conditions["lasts_n"] if states[0]["memory"]["in_contact"] else conditions["begins_n"]
+    known = math.isfinite(fx + fy + fz) and (math.isnan(mx) or math.isfinite(mx + my + mz))
+    cx, cy, cx_std, cy_std, normal, _, _, spin, ratio, ratio_std = contact_numbers(
+        fx, fy, -fz, mx, my, mz, force_std, torque_std
+    )
+    return cx, cy, cx_std, cy_std, normal, fx, fy, spin, ratio, ratio_std, known and normal >= least_n

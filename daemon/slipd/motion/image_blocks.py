@@ -113,7 +113,7 @@ class ImageBlocks:
             return None
         settled = t_ns - self._since_ns >= SETTLED_S * 1e9
         wrenches, self._wrenches, self._begun_ns = np.array(self._wrenches), [], t_ns
-        (image, variance), load = np.empty((2, len(forces))), np.empty(6)
+        image, variance, load = np.empty_like(forces), np.empty_like(forces), np.empty(6)
         spread, spread_normal = _end_block(self._sums, wrenches, max(self._jump_count, 1.0), image, variance, load)
         if not settled or math.isnan(spread):
             return None

@@ -74,7 +74,7 @@ class ChargeReconstruction:
             Force on each taxel, shape (taxels,), in the unit of the readings. Zeros if free; NaN if a reading is not
             finite, or if the beginning of the contact was not seen.
         """
-        if not math.isfinite(float(np.dot(readings, readings))):
+        if not math.isfinite(float(readings.dot(readings))):
             self.forget()
             return np.full_like(readings, math.nan)
         if known_free:

@@ -116,7 +116,7 @@ class TaxelFaults:
         """
         blocks, window, threshold = self._blocks, self._blocks.window, self._threshold
         images, total = max(int(blocks.new.sum()), 1), window.sum(axis=0)
-        span, recent = np.ptp(window, axis=0), window[blocks.last(FREE_BLOCKS)]
+        span, recent = np.ptp(window[:, : SHEAR_Y + 1], axis=0), window[blocks.last(FREE_BLOCKS)]
         mean, jitter, rate = recent[0, MEAN], np.sqrt(total[SQUARES] / (2 * images)), total[CHANGES] / images
         means, pressures = np.ascontiguousarray(window[:, MEAN]), recent[:, PRESSURE]
         did = np.array((

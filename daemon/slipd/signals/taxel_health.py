@@ -135,7 +135,7 @@ class TaxelHealth:
                 the pressure.
             shear: Shear of three-axis taxels after tare and scale, shape (taxels, 2); None where they measure none.
         """
-        if not math.isfinite(float(np.dot(values, values)) + (0.0 if shear is None else float(np.vdot(shear, shear)))):
+        if not math.isfinite(float(values.dot(values)) + (0.0 if shear is None else float(np.vdot(shear, shear)))):
             return
         free, steady = known_free is True, force_moving is False
         ended = self._blocks.update(values, t_ns, free=free, steady=steady, pressure=pressure, shear=shear)

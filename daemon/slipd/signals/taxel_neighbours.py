@@ -143,16 +143,18 @@ def rate_lines(
         lost = lost or resting == len(line)
     for at in range(len(lines)):
         line, still, idle, frozen, moving, trusted = lines[at], 0, 0, 0, 0, 0
+        inner = lost and 0 < at < len(lines) - 1
         for k in line:
             count = _trusted(beside[k], masked, near)
-            moves, judged = _movement(near[:count], did, means, threshold, active)
-            is_still = judged and did[_SPAN, k] <= STILL * moves and not sheared[k]
-            still += int(is_still)
-            idle += int(is_still or rests[k])
+            if inner:
+                moves, judged = _movement(near[:count], did, means, threshold, active)
+                is_still = judged and did[_SPAN, k] <= STILL * moves and not sheared[k]
+                still += int(is_still)
+                idle += int(is_still or rests[k])
             frozen += int(_is_frozen(k, near[:count], did, 2))
             moving += int(well[_STILL, k])
             trusted += int(not (well[_STILL, k] or masked[k]))
-        dead = lost and 0 < at < len(lines) - 1 and idle == len(line) and still >= LINE_TAXELS
+        dead = inner and idle == len(line) and still >= LINE_TAXELS
         for k in line:
             bad[_STILL, k] |= dead
             bad[_FROZEN, k] |= frozen == len(line)

@@ -184,8 +184,7 @@ def test_loads_are_the_same_within_shares_of_themselves_and_the_noise(monkeypatc
     """4 N along X and 10 N of grip: 15 % of the one, 7 % of the other, and four standard deviations of the noise."""
     run_without_compilation(monkeypatch, image_blocks)
     blocks, wrench = ImageBlocks(GEOMETRY, NOISE), (4.0, 0.0, -10.0, 0.0, 0.0, 0.0)
-    found = [blocks.update(T0 + k * PERIOD_NS, np.full(128, 0.1), wrench) for k in range(60)]
-    block = next(block for block in found if block is not None)
+    block = next(filter(None, (blocks.update(T0 + k * PERIOD_NS, np.full(128, 0.1), wrench) for k in range(60))))
     reach_m = 0.25 * math.hypot(8, 16) * GEOMETRY.pitch_m
     along, across, spin, centroid = 0.6 + 0.08, 0.7 + 0.08, reach_m * 0.6 + 0.002, 1e-3 + 0.002 / 10.0
     assert block.tolerance == pytest.approx([along, along, across, spin, centroid, centroid])
