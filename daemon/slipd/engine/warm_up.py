@@ -9,6 +9,7 @@ import numpy as np
 from slipd.config import Finger as FingerConfig
 from slipd.config import Levels, Pad, Slip, Wrench
 from slipd.finger.finger import Finger
+from slipd.finger.force_image_check import COMPARE_NS
 from slipd.finger.image_channel import ImageChannel
 from slipd.fusion import contact_from_wrench
 from slipd.fusion.held_pad import HeldPad, pad_use, tipping_edges, twist_net
@@ -52,8 +53,8 @@ def _judge_contact() -> None:
     finger = Finger("warm", FingerConfig(mu=0.5, wrench=wrench, pad=pad), Levels())
     for tare in (channel.tare for channel in (finger.force, finger.image) if channel is not None):
         tare.observe(0)  # without a known zero nothing is a contact
-    for torque in (np.zeros(3), None):
-        finger.update_image(TactileSample(0, None, np.ones(4)))
+    for t_ns, torque in ((0, np.zeros(3)), (COMPARE_NS, None)):
+        finger.update_image(TactileSample(t_ns, None, np.ones(4)))
         samples = [WrenchSample(k, None, np.array((0.1, 0.0, -1.0 - k)), torque) for k in range(3)]
         for read in (samples[:2], samples[2:]):  # readings that arrive together and alone take different paths
             for batch in finger.decide(read, [sample.t_ns for sample in read]):
