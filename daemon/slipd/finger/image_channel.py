@@ -15,9 +15,10 @@ from slipd.finger.force_channel import WrenchBatch
 from slipd.finger.force_image_check import NO_SUMMARY, ForceSummary
 from slipd.finger.freshness import PROMPT, Arrival, Freshness
 from slipd.finger.pad_zero import PadZero
-from slipd.fusion import ContactShape, contact_shape
+from slipd.fusion import ContactShape
 from slipd.fusion.rows import UNTRUSTED as UNTRUSTED_PHASE
 from slipd.fusion.rows import Rows
+from slipd.fusion.shape import shape_of
 from slipd.fusion.streaming import first_contact, new_readings
 from slipd.signals.charge_reconstruction import ChargeReconstruction
 from slipd.signals.frozen import MOST, WrenchWatch
@@ -260,9 +261,7 @@ class ImageChannel:
         """Return features of the newest image; None where it is not usable."""
         if not self._usable:
             return None
-        grid = (self.geometry.rows, self.geometry.cols)
-        x, y, p = self.x.reshape(grid), self.y.reshape(grid), self.pressure.reshape(grid)
-        return contact_shape(x, y, p, self.geometry.pitch_m)
+        return shape_of(self.x, self.y, self.pressure, self.geometry.cols, self.geometry.pitch_m)
 
 
 def wrench_by_taxels(image: ImageChannel, sample: TactileSample, t_ns: int) -> WrenchBatch:

@@ -67,13 +67,35 @@ def contact_shape(x: ArrayLike, y: ArrayLike, pressure: ArrayLike, pitch_m: floa
         raise not_numbers(x=x, y=y, pressure=pressure) from None
     if p.ndim != 2 or xs.shape != p.shape or ys.shape != p.shape:
         raise ValueError(f"x, y and pressure must share one shape (rows, cols), got {xs.shape}, {ys.shape}, {p.shape}")
-    active, cx, cy, xx, yy, xy = _shape_moments(xs.ravel(), ys.ravel(), p.ravel())
-    if active == 0:
-        return ContactShape(0, 0.0, np.full(2, math.nan), math.nan, math.nan, 0, np.empty((0, 2)))
-    axis, elongation = _principal_axis(xx, yy, xy)
+    return shape_of(xs.ravel(), ys.ravel(), p.ravel(), p.shape[1], pitch_m)
+
+
+def shape_of(x: Array, y: Array, p: Array, cols: int, pitch_m: float) -> ContactShape:
+    """Find the shape of the contact as `contact_shape` does; nothing is checked.
+
+    Args:
+        x: Taxel centres in scan order, shape (n,), contiguous, m.
+        y: Likewise.
+        p: Readings, shape (n,), contiguous.
+        cols: Number of columns of the pad.
+        pitch_m: Distance between neighbouring taxels, m.
+    """
+    active, cx, cy, xx, yy, xy, holes, corners = _find_shape(x, y, p, cols, CORNER_PITCHES * pitch_m)
+    axis, elongation = _principal_axis(xx, yy, xy) if active else (math.nan, math.nan)
+    return ContactShape(active, active * pitch_m**2, np.array((cx, cy)), axis, elongation, holes, corners)
+
+
+@compiled
+def _find_shape(
+    x: Array, y: Array, p: Array, cols: int, least_m: float
+) -> tuple[int, float, float, float, float, float, int, Array]:
+    """Return what `_shape_moments` does, the number of holes, and the corners; NaN and none without an active taxel."""
     on = p > 0.0
-    corners = _corners(xs[on], ys[on], CORNER_PITCHES * pitch_m)
-    return ContactShape(active, active * pitch_m**2, np.array((cx, cy)), axis, elongation, _holes(on), corners)
+    if not on.any():
+        return 0, math.nan, math.nan, math.nan, math.nan, math.nan, 0, np.empty((0, 2))
+    active, cx, cy, xx, yy, xy = _shape_moments(x, y, p)
+    corners = _corners(x[on], y[on], least_m)
+    return active, cx, cy, xx, yy, xy, _holes(on.reshape((-1, cols))), corners
 
 
 @compiled

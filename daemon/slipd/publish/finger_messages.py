@@ -14,7 +14,7 @@ from slipd.finger.image_channel import ImageChannel
 from slipd.friction.friction_state import FrictionState
 from slipd.fusion.verdict_numbers import MODELS
 from slipd.motion.evidence import evidence_names
-from slipd.publish.message_sequencer import Body, MessageSequencer, Pace, array, finite
+from slipd.publish.message_sequencer import Body, MessageSequencer, Pace, array
 from slipd.types.arrays import finite_or_none
 from slipd_client.messages import (
     LEVELS,
@@ -121,7 +121,7 @@ def tactile_body(finger: Finger, image: ImageChannel) -> Body:
     known = not image.reasons
     shape = image.shape() if known else None
     geometry = image.geometry
-    body = {
+    return {
         "finger": finger.name,
         "rows": geometry.rows,
         "cols": geometry.cols,
@@ -137,13 +137,12 @@ def tactile_body(finger: Finger, image: ImageChannel) -> Body:
         "active": None if shape is None else shape.active,
         "area_m2": None if shape is None else shape.area_m2,
         "centroid_m": None if shape is None else array(shape.centroid_m),
-        "axis_rad": None if shape is None else shape.axis_rad,
-        "elongation": None if shape is None else shape.elongation,
+        "axis_rad": None if shape is None else finite_or_none(shape.axis_rad),
+        "elongation": None if shape is None else finite_or_none(shape.elongation),
         "holes": None if shape is None else shape.holes,
         "corners_m": None if shape is None else shape.corners_m.tolist(),
         "status": list(image.status),
     }
-    return finite(body)
 
 
 def tare_body(channel: ForceChannel | ImageChannel, t_ns: int | None) -> Body:
