@@ -156,7 +156,7 @@ def _fall(drop: Row, ring: Rows, mu: float, p: int, x: Array) -> float:
     x[14] = _part(abs(0.5 * ends - middle) / fall, 0.0, 0.2)
     x[15] = _part(across / max(fx * fx + fy * fy, 1e-12) * high / fall, 0.0, 0.5)
     x[16] = _part((high - mean_q(ring, top - CREST - rise + few, few)) / high, -0.02, 0.06)
-    return surprise_of(fall / noise) if noise > 0.0 else math.inf
+    return surprise_of(fall, noise)
 
 
 @compiled
@@ -180,4 +180,4 @@ def _jump(drop: Row, ring: Rows, mu: float, p: int, x: Array) -> float:
     x[24], x[25] = math.log2(p / PLATEAUS[0]) / 3.0, _part(looser, 0.0, 1.0)
     x[26] = _part(mean_q(ring, k - p, 2), low, low + 0.3 * rise)
     noise = math.sqrt(std * std * (1.0 / p + 0.5) + ROUGH * rough * rough)
-    return surprise_of(rise / noise) if noise > 0.0 else math.inf
+    return surprise_of(rise, noise)

@@ -116,14 +116,14 @@ def _record(task: tuple[str, str, int, Path]) -> None:
     noise = zlib.crc32(f"{family} {seed}".encode())
     images: list[Array] = []
     seen: list[tuple[float, ...]] = []
-    look = ContactMotion.update_image
+    look = ContactMotion.update
 
     def keep_image(motion: ContactMotion, image: ImageChannel, t_ns: int, wrench: tuple[float, ...]) -> None:
         look(motion, image, t_ns, wrench)
         images.append(image.loads.astype(np.float32))
         seen.append((sum(map(len, columns)), float(t_ns), *wrench))
 
-    with keeping_loads() as columns, mock.patch.object(ContactMotion, "update_image", keep_image):
+    with keeping_loads() as columns, mock.patch.object(ContactMotion, "update", keep_image):
         heard = run_offline(trace, {"left": scene.sensors}, config_text(scene, variant), noise, read_ns=READ_NS)
     bodies = ((t_ns + BEGIN_NS, body) for t_ns, topic, body in heard if topic == "slip.left" and t_ns >= 0)
     published, load_rows = reports_of(bodies, BEGIN_NS), np.concatenate(columns)

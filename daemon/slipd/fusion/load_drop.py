@@ -174,7 +174,7 @@ def _surprise(drop: Row, ring: Rows, p: int, g: int, b: int, mu: float) -> float
     if g * (LONGER + 3.0 * odd) > p + 1 or p * drop["dt"] < LEAST_PLATEAU_S * (1.0 + 3.0 * odd):
         return 0.0
     rough = vibration(drop, before["rough"])
-    surprise = surprise_of(fall / math.sqrt(std * std * (1.0 / p + 1.0 / b) + ROUGH * rough * rough))
+    surprise = surprise_of(fall, math.sqrt(std * std * (1.0 / p + 1.0 / b) + ROUGH * rough * rough))
     if surprise < drop["least_surprise"] or not _is_flat(ring, k, p, low, fall, std):
         return 0.0
     half = b // 2

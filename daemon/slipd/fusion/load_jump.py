@@ -123,7 +123,7 @@ def _overshoot_surprise(drop: Row, ring: Rows, p: int, gap: int, low: float) -> 
     ends, middle = mean_q(ring, k, third) + mean_q(ring, k - p + third, third), mean_q(ring, k - third, p - 2 * third)
     if 0.5 * ends - middle > BENT * over + 1.5 * std / math.sqrt(third):
         return 0.0
-    return surprise_of(over / (std * math.sqrt(0.5 + 1.0 / p))) if std > 0.0 else math.inf
+    return surprise_of(over, std * math.sqrt(0.5 + 1.0 / p))
 
 
 @compiled
@@ -144,7 +144,7 @@ def _jump_surprise(drop: Row, ring: Rows, p: int, low: float, rise: float, rough
     if max(change, 2.0 * std / math.sqrt(p)) > FLAT * rise or scatter > (SCATTER * rise) ** 2 + 2.0 * std * std:
         return 0.0
     rough = vibration(drop, rough)
-    return surprise_of(rise / math.sqrt(std * std * (1.0 + 1.0 / p) + 2.0 * rough * rough))
+    return surprise_of(rise, math.sqrt(std * std * (1.0 + 1.0 / p) + 2.0 * rough * rough))
 
 
 @compiled

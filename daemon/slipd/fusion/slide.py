@@ -72,9 +72,14 @@ def _end(drop: Row, short: float) -> None:
 
 
 @compiled
-def surprise_of(deviations: float) -> float:
-    """Return −ln of the probability that Gaussian noise exceeds so many standard deviations, for more than 1.
+def surprise_of(change: float, std: float) -> float:
+    """Return −ln of the probability that Gaussian noise exceeds a change; 0 for one within its standard deviation.
 
     Source: leading term of the tail, exp(−z²/2) / (z √(2π)).
     """
-    return 0.0 if deviations <= 1.0 else 0.5 * deviations * deviations + math.log(deviations) + 0.919
+    if change <= std:
+        return 0.0
+    if std == 0.0:
+        return math.inf
+    deviations = change / std
+    return 0.5 * deviations * deviations + math.log(deviations) + 0.919

@@ -114,7 +114,7 @@ def _surprise_of_fall(drop: Row, before: Row, peak: float, low: float, noise: fl
     if drop["swing"] > max(before["swing"], BACK * fall):
         return 0.0
     deviation = math.sqrt(2.0 / level * noise * noise + ROUGH * rough * rough)
-    return surprise_of(fall / deviation) if deviation > 0.0 else math.inf
+    return surprise_of(fall, deviation)
 
 
 @compiled

@@ -135,7 +135,7 @@ with warnings.catch_warnings(record=True) as told:
     warnings.simplefilter('always')
     from slipd.fusion.slide import surprise_of
 assert any({told!r} in str(each.message) for each in told), told
-assert round(surprise_of(2.0), 3) == 3.612
+assert round(surprise_of(2.0, 1.0), 3) == 3.612
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
