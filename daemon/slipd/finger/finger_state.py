@@ -27,7 +27,6 @@ from slipd.finger.verdict import (
 from slipd.friction.friction_state import FrictionState
 from slipd.fusion import Contact, Loads, Utilisation, grey_loads
 from slipd.fusion.hull import Outline
-from slipd.fusion.levels import Assessment
 from slipd.fusion.loads import active_loads
 from slipd.fusion.rows import FREE, LATE, PULLED, STABLE, TOUCHING, UNKNOWN, UNTRUSTED, Rows
 from slipd.fusion.streaming import assessment_at, contact_at, utilisation_at, wrench_at
@@ -147,13 +146,6 @@ class FingerState:
         if used is None or math.isnan(contact_at(self.reading, 0).spin_nm):
             return None
         return used if self.friction.mu is not None else used._replace(value=nan, lower=nan, upper=nan)
-
-    @property
-    def assessment(self) -> Assessment | None:
-        """Result of the slip decision; None without a contact."""
-        if self.reading is None or self.phase != TOUCHING:
-            return None
-        return assessment_at(self.reading, 0)
 
     @property
     def evidence(self) -> tuple[str, ...]:
