@@ -58,11 +58,8 @@ class Rig:
         if config.gripper is not None:
             session = cast("GripperSession", self.links[GRIPPER_LINK].session)
             self.gripper = GripperControl(config.gripper, session, self.fingers)
-        self.view: GraspView | None = None
-        self.arm: ArmMotion | None = None
-        self.advice: MotionAdvice | None = None
-        if (grasp := config.grasp) is not None:
-            self.view = GraspView(grasp, self.fingers)
-            self.arm = None if grasp.arm is None else ArmMotion(grasp, grasp.arm, self.fingers)
-            self.advice = MotionAdvice(grasp, self.fingers, self.view, self.arm)
+        grasp = config.grasp
+        self.view = view = None if grasp is None else GraspView(grasp, self.fingers)
+        self.arm = None if grasp is None or grasp.arm is None else ArmMotion(grasp, grasp.arm, self.fingers)
+        self.advice = None if grasp is None or view is None else MotionAdvice(grasp, self.fingers, view, self.arm)
         self.reflex = make_reflex_controller(config, self.view, self.gripper)

@@ -87,15 +87,10 @@ class RequestedRecordings:
 
     def changes(self, t_ns: int) -> list[RecordingChanged]:
         """Return the changes that the engine must know, each once."""
-        changes: list[RecordingChanged] = []
-        for recorder in tuple(self._ended):
-            finished = recorder.finished  # checked first, so that its last change is final
-            if change := recorder.poll(t_ns):
-                changes.append(change)
-            if finished:
-                self._ended.remove(recorder)
-        changes += self._refused
+        done = [each for each in self._ended if each.finished]  # checked first, so that their last change is final
+        changes = [*(change for recorder in self._ended if (change := recorder.poll(t_ns))), *self._refused]
         self._refused.clear()
+        self._ended = [recorder for recorder in self._ended if recorder not in done]
         if self._running is not None and (change := self._running.poll(t_ns)):
             changes.append(change)
             if change.state != "running":

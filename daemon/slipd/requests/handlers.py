@@ -37,8 +37,8 @@ class RequestHandlers:
         self._boot, self._policy, self._recordings = rig.boot, rig.gripper.policy, recordings
         self._fingers, self._status = rig.fingers, status
         free = {name for name, key in _FREED_BY.items() if getattr(rig.config.requests, key)}
-        reflex = rig.reflex is not None  # it acts on what some requests state
-        self._steering = {name: op.steers for name, op in OPS.items() if reflex and name not in free}
+        # a reflex acts on what some requests state
+        self._steering = {name: op.steers for name, op in OPS.items() if rig.reflex is not None and name not in free}
         self._kept = IdempotencyCache()
         self._pending: dict[tuple[bytes, str | int], Body] = {}
         self._ops: dict[str, Handler] = {
