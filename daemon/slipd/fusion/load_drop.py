@@ -41,7 +41,7 @@ from slipd.fusion.load_blocks import (
 )
 from slipd.fusion.load_jump import look_for_jump, look_for_overshoot
 from slipd.fusion.rows import Row, Rows
-from slipd.fusion.slide import MOST_DROP, SWINGS, begin_slide, follow_slide, surprise_of
+from slipd.fusion.slide import CARRIED, MOST_DROP, SWINGS, begin_slide, follow_slide, surprise_of
 from slipd.fusion.slow_fall import look_for_slow_fall
 
 LOOKS = 30.0
@@ -80,8 +80,6 @@ PUSH = 0.35
 """A rise by more than this part of the fall, in twice its time, makes it a push and its way back."""
 PUSH_S = 0.015
 """Least time over which that rise is taken, s."""
-CARRIED = 0.93
-"""A fall begins at no less than this part of the largest q that the grasp carried without motion."""
 TIGHTER = 0.5
 """The normal force grows by at most this part of the growth that would explain the fall."""
 LEAST_GROWTH, GROWTH_STDS = 0.007, 2.0

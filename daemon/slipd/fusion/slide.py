@@ -15,6 +15,8 @@ from slipd.fusion.rows import Row, Rows
 
 SWINGS = 2.0
 """A fall or jump is at least so many times the largest swing of the last second."""
+CARRIED = 0.93
+"""A fall begins at no less than this part of the largest q that the grasp carried without motion."""
 MOST_DROP = 0.38
 """Dynamic friction is rarely less than this complement of the static one; a load that is let go falls further."""
 SETTLES_S = 0.05

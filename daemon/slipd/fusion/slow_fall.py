@@ -25,7 +25,7 @@ from slipd.fusion.compiled import compiled
 from slipd.fusion.explained import is_explained
 from slipd.fusion.load_blocks import LEVEL, RING, ROUGH, goes_aside, mean_normal, mean_q, noise_of, vibration
 from slipd.fusion.rows import Row, Rows
-from slipd.fusion.slide import MOST_DROP, begin_slide, surprise_of
+from slipd.fusion.slide import CARRIED, MOST_DROP, SWINGS, begin_slide, surprise_of
 
 EVERY_S = 0.004
 """Time between two searches, and between the peaks that one search tries, s."""
@@ -46,9 +46,8 @@ RATE_STDS = 5.5
 GOES_ON, GOES_ON_STDS = 0.005, 3.0
 """The load went on if, since the peak, the tangential force grew or the normal force fell by more than this part plus
 so many standard deviations of the noise."""
-FROM, CARRIED = 0.68, 0.93
-"""Least peak: as a part of the coefficient of friction, where that is known, and of the largest q that the grasp
-carried without motion."""
+FROM = 0.68
+"""Least peak, as a part of the coefficient of friction, where that is known."""
 NEAR_TOP = 0.05
 """A fall begins where q was last above the peak less this part of the fall."""
 RISE, RISE_S = 0.12, 0.12
@@ -56,8 +55,6 @@ RISE, RISE_S = 0.12, 0.12
 STRAIGHT, EARLY, LATE = 0.6, 0.15, 0.85
 """That rise is at least STRAIGHT of the total variation of q, which is larger in a swing. Its later half has between
 EARLY and LATE of it: a push that is held has less, a bump more."""
-SWINGS = 2.0
-"""A fall is at least this many times the largest swing of the last second."""
 PUSH, BEYOND_PUSH = 0.65, 1.08
 """In a time as long as the fall before the peak, q rose by at most PUSH of the fall, unless the peak is beyond
 BEYOND_PUSH times the coefficient of friction."""
