@@ -154,7 +154,7 @@ class Advised:
     ) -> None:  # fmt: skip
         self.grip, self._noise, self._rng = grip, noise, rng or np.random.default_rng(0)
         self.own = own or ObjectState(grip.mass_kg, 0.0, tuple(grip.com_m.tolist()), (0.0, 0.0, 0.0), "")
-        self.view = SimpleNamespace(object=self.own, lying=None, level=lambda: "stable")
+        self.view = SimpleNamespace(object=self.own, lying=None, swing=None, level=lambda: "stable")
         self._mu = grip.mu if mu_low is None else mu_low
         self.fingers = {name: self._finger(name) for name in PLACES}
         self._config = Grasp.model_validate({"pads": PLACES, "motion": {"wanted_acceleration_mps2": wanted_mps2}})

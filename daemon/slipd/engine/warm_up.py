@@ -16,7 +16,9 @@ from slipd.fusion.held_pad import HeldPad, pad_use, tipping_edges, twist_net
 from slipd.fusion.levels import ContactWatch
 from slipd.fusion.motion_limits import nearest_limit, worst_turn
 from slipd.fusion.motion_scale import check_points, follow_gravity, largest_scale
+from slipd.fusion.object_swing import swing_excess
 from slipd.fusion.streaming import move_to_pad, new_readings
+from slipd.grasp.swing_estimate import SwingEstimate
 from slipd.motion.image_blocks import BLOCK_S, ImageBlocks, LoadNoise
 from slipd.motion.image_fit import ImageComparison
 from slipd.motion.image_shift import ImageShift
@@ -91,3 +93,7 @@ def _advise_motion(x: Array, y: Array, loads: Array) -> None:
     largest_scale(pad, pad, rest[0], rest[0], 1.5, 1.0, each)
     check_points(pad, pad, rest, rest, 1.5, each)
     follow_gravity(np.zeros((1, 10)), np.zeros(3), np.empty((1, 3)))
+    swing_excess(np.zeros(1), np.zeros(1), 30.0, 0.0, np.empty((2, 1)))
+    swing = SwingEstimate()
+    for t_ns in (1, 2):
+        swing.update(t_ns, 0.0, 0.0)

@@ -164,11 +164,11 @@ def pad_use(
     fx, fy = pad.load[0] + mean * sx, pad.load[1] + mean * sy
     tx, ty = 0.5 * most * (ly * pz - lz * py + kx), 0.5 * most * (lz * px - lx * pz + ky)
     dx, dy = 0.5 * most * (ey * abs(pz) + ez * abs(py)), 0.5 * most * (ez * abs(px) + ex * abs(pz))
-    firm, tipped, over = max(normal, 1e-9), 0.0, 0.0
+    firm, tipped, over, least = max(normal, 1e-9), 0.0, 0.0, MOST
     for k in range(pad.edges.shape[1]):
         ux, uy, room, reach = pad.edges[0, k], pad.edges[1, k], pad.edges[2, k], pad.edges[3, k]
         push = ux * ty - uy * tx + abs(ux) * dy + abs(uy) * dx
-        tipped = max(tipped, push / max(room, 1e-9))
+        tipped, least = max(tipped, push / max(room, 1e-9)), min(least, room)
         over = max(over, 1.0 - (room - push / firm) / reach)
     gather = 1.0 / max(1.0 - tipped / firm, LEAST_LEVER)
     fm = scale * gather * (pad.load[2] - (ty * fy + tx * fx) / firm + mean * part * spin)
@@ -183,6 +183,8 @@ def pad_use(
         each[k] = power / twists[3, k]
     worst = largest(each, count)
     used = max(worst / normal, over) if normal > 0.0 else MOST
+    if least <= 0.0:  # it has begun to tip: no grip holds
+        return min(used, MOST), 2.0 * MOST, normal, True
     return min(used, MOST), min(safety * max(worst, tipped), MOST), normal, tipped > worst
 
 

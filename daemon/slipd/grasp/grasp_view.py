@@ -27,6 +27,7 @@ from slipd.fusion.grasp import (
     load_share,
 )
 from slipd.grasp.object_estimate import NOTHING_HELD, ObjectState
+from slipd.grasp.swing_estimate import Swing
 from slipd.types.arrays import Array, finite_or_none
 from slipd_client.messages import SEVERITY
 
@@ -91,6 +92,7 @@ class GraspView:
         object: What is known of the object.
         lying: What an earlier grasp showed of the named object, while something may still carry a part of its weight;
             None: nothing is known, or it is carried.
+        swing: How the object swings about the line through both pads; None: no swing was seen.
         regrip_std_m: See ``[grasp.motion]``.
     """
 
@@ -100,6 +102,7 @@ class GraspView:
         self._least_n = max(finger.config.min_normal_n for finger in self.fingers)
         self.object = NOTHING_HELD
         self.lying: ObjectState | None = None
+        self.swing: Swing | None = None
         self.regrip_std_m = config.motion.regrip_std_m
         self.state = self.update(None)
 

@@ -27,6 +27,7 @@ from slipd.grasp.object_estimate import (
     gripped_again,
     unknown_object,
 )
+from slipd.grasp.swing_estimate import SwingEstimate, spin_about
 from slipd.types.arrays import Array, cross_matrix
 
 PERIOD_NS = 20_000_000
@@ -39,6 +40,8 @@ LEAST_NOISE_N, LEAST_NOISE_NM = 0.005, 5e-5
 """Least noise of a sensor, even if its config states less."""
 SLOW_READINGS = 8
 """The orientation that requests set (`gravity.set`) is uncertain by its change over so many readings, 0.16 s."""
+EVEN_TURN_RADPS2 = 1.0
+"""A faster change of the turn shows no swing, because the inertia of the object is not known."""
 SAME_WEIGHT = 0.03
 """A named object is known again where the load differs from its weight by no more than this part of it …"""
 SAME_READINGS = 10
@@ -57,12 +60,14 @@ class _Geometry(NamedTuple):
     Attributes:
         width_m: The width, m; None where it is not known.
         poses: Poses of the pads.
+        centres_m: Their centres in the gripper frame, each of shape (3,), m.
         noise: Covariance of the noise of force and torque of both fingers together, shape (6, 6).
         lever_m: Distance of the pads from the origin, m.
     """
 
     width_m: float | None
     poses: list[PadPose]
+    centres_m: list[Array]
     noise: Array
     lever_m: float
 
@@ -76,6 +81,7 @@ class _Load(NamedTuple):
         own: Force and torque without it, shape (6,); None where the weight is not known, or where nothing is held
             firmly.
         grip_n: Mean normal force, N.
+        middle_m: Point between both contacts, shape (3,), m; NaN where a pad touches nothing.
         geometry: Of the pads.
     """
 
@@ -83,6 +89,7 @@ class _Load(NamedTuple):
     whole_n: Array
     own: Array | None
     grip_n: float
+    middle_m: Array
     geometry: _Geometry
 
 
@@ -102,7 +109,7 @@ class HeldObject:
         self._same = 0
         self._lying: ObjectState | None = None
         self._noise_n = min(side.noise_n for side in sides)
-        self._estimate = ObjectEstimate()
+        self._estimate, self._swing = ObjectEstimate(), SwingEstimate()
         self._check = ArmCheck(math.hypot(*(side.noise_n for side in sides)))
         self._waiting: deque[_Load] = deque()
         self._geometry: _Geometry | None = None
@@ -127,6 +134,7 @@ class HeldObject:
             # A stream at fault makes touches that are none: the loads still show it, but teach nothing of the object.
             self._waiting = deque(load._replace(own=None) for load in self._waiting)
             self._estimate.forget(WAITING)
+            self._swing = SwingEstimate()
         load = None if self._arm is None else self._load(width_m, t_ns)
         if self._arm is not None:
             self._follow_arm(self._arm, load, t_ns)
@@ -137,6 +145,7 @@ class HeldObject:
                 self._learn(load, slow)
         state = self._state(moves=slow is not None or (self._arm is not None and self._arm.is_used(t_ns)))
         self._view.object, self._view.lying = state, self._lying if state.unknown == NOT_MOVED else None
+        self._view.swing = self._swing.swing()
         return self._next_ns
 
     def _state(self, *, moves: bool) -> ObjectState:
@@ -167,6 +176,11 @@ class HeldObject:
         felt = arm.history.felt(load.t_ns)
         if felt is not None and arm.is_used(t_ns):
             self._learn(load, felt)
+            turns = np.linalg.norm(felt.acceleration_radps2) > EVEN_TURN_RADPS2
+            if load.own is not None and self._estimate.state.mass_kg is not None and not turns:
+                loads = load.own, self._estimate.expected(felt)
+                axis = load.geometry.poses[0].rotation[:, 2]
+                self._swing.update(load.t_ns, *(spin_about(load.middle_m, axis, each) for each in loads))
 
     def _learn(self, load: _Load, felt: Felt) -> None:
         if load.own is None:
@@ -219,7 +233,11 @@ class HeldObject:
             torque_nm = np.full(3, math.nan) if carried.torque_nm is None else carried.torque_nm
             own = np.concatenate((carried.force_n, torque_nm))
         grip_n = max(-sum(wrench[2] for wrench in wrenches) / len(wrenches), 0.0)
-        return _Load(sum(times_ns) // len(times_ns), whole_n, own, grip_n, self._geometry)
+        middle_m = np.zeros(3)
+        for side, centre_m, state in zip(self._sides, self._geometry.centres_m, states, strict=True):
+            cx, cy = (math.nan, math.nan) if state.contact is None else (state.contact.cx_m, state.contact.cy_m)
+            middle_m = middle_m + 0.5 * (centre_m + side.place.rotation @ (cx, cy, 0.0))
+        return _Load(sum(times_ns) // len(times_ns), whole_n, own, grip_n, middle_m, self._geometry)
 
 
 class Side:
@@ -263,6 +281,7 @@ def _geometry(sides: Sequence[Side], width_m: float | None) -> _Geometry:
     return _Geometry(
         width_m,
         [side.place.pose(width_m) for side in sides],
+        places_m,
         np.sum([side.noise(place_m) for side, place_m in zip(sides, places_m, strict=True)], axis=0),
         max(float(np.linalg.norm(place_m)) for place_m in places_m),
     )

@@ -23,8 +23,9 @@ from slipd.fusion.motion_scale import check_points, follow_gravity, largest_scal
 from slipd.grasp.arm_history import ERROR_MPS2, ArmGravity, felt_at
 from slipd.grasp.arm_motion import ArmMotion
 from slipd.grasp.grasp_view import GraspView, Place
-from slipd.grasp.motion_answers import Mode, MotionCheck, MotionLimits
+from slipd.grasp.motion_answers import Mode, MotionCheck, MotionLimits, unbounded
 from slipd.grasp.pad_load import PadLoad, shares_of
+from slipd.grasp.swing_estimate import with_swing
 from slipd.signals.gravity import MOST_GRAVITY_MPS2, STANDARD_GRAVITY_MPS2
 from slipd.types.arrays import Array
 
@@ -142,8 +143,7 @@ class MotionAdvice:
         axis = held.pads[0].turn[2]
         spun = np.concatenate((np.cross(held.com_m - held.middle_m, axis), -(GYRATION_M**2) * axis))
         turning = min(self._scale(held, rest, sense * spun, MOST_TURN_RADPS2) for sense in (1.0, -1.0))
-        turn, gravity = self._worst_turn(held)
-        now = np.zeros(6)
+        (turn, gravity), now = self._worst_turn(held), np.zeros(6)
         if self._view.lying is None:
             now[:3] = felt_at(held.com_m, np.array([self._row()]))[0] - held.felt
         limit_mps2 = max(most_mps2 - ERROR_MPS2, 0.0)
@@ -192,19 +192,33 @@ class MotionAdvice:
 
     def _checked(self, held: _Held, points: Array, felt: Array, gravity: Array, *, known: bool) -> MotionCheck:
         """Return whether a motion holds; without ``known`` gravity no time scale."""
-        rest, swing = np.zeros((2, len(points), 6))
-        rest[:, :3], swing[:, :3] = gravity - held.felt, felt - gravity
-        swing[:, 3:] = -(GYRATION_M**2) * points[:, 7:]
-        used, at, side, tips, lack, scale = check_points(*held.pads, rest, swing, self.safety, _memory(held.pads))
+        at_rest, rigid = np.zeros((2, len(points), 6))
+        at_rest[:, :3], rigid[:, :3] = gravity - held.felt, felt - gravity
+        rigid[:, 3:] = -(GYRATION_M**2) * points[:, 7:]
+        times_s, memory = np.ascontiguousarray(points[:, 0]), _memory(held.pads)
+        rest, swing = self._with_swing(held, times_s, at_rest, rigid)
+        used, at, side, tips, lack, scale = check_points(*held.pads, rest, swing, self.safety, memory)
+        if self._view.swing is not None and 0.0 < scale < 1.0:  # a slower motion swings otherwise
+            rest, slowed = self._with_swing(held, times_s / math.sqrt(scale), at_rest, scale * rigid)
+            scale *= check_points(*held.pads, rest, slowed, self.safety, memory)[-1]
         return MotionCheck(
             "",
-            _unbounded(used),
+            unbounded(used),
             float(points[at, 0]),
             self._loads[side].finger.name,
             self._mode(held.pads[side], rest[at] + swing[at], used, tips=tips),
             self._grip_needed(lack),
             math.sqrt(scale) if known or scale == 1.0 else None,
         )
+
+    def _with_swing(self, held: _Held, times_s: Array, rest: Array, rigid: Array) -> Array:
+        """Return ``rest`` and ``rigid``, the ``swing`` of a rigid grip, with that of the object, shape (2, n, 6)."""
+        changes = np.stack((rest, rigid))
+        if self._view.swing is None:
+            return changes
+        axis, felt = held.pads[0].turn[2], held.felt + rest[:, :3] + rigid[:, :3]
+        spin = (np.cross(held.com_m - held.middle_m, felt) + rigid[:, 3:]) @ axis
+        return with_swing(self._view.swing, times_s, spin, float(held.pads[0].mass.mean()), axis, changes)
 
     def _gravity_at_begin(self, point: Array, now: Array) -> Array | None:
         """Return gravity at the first point of a motion; None where it might point anywhere."""
@@ -253,7 +267,7 @@ class MotionAdvice:
         at = rest + swing
         pad = held.pads[side]
         used, _, _, tips = pad_use(pad, tuple(at[:3].tolist()), tuple(at[3:].tolist()), self.safety, _memory(held.pads))
-        return _unbounded(used), self._mode(pad, at, used, tips=tips)
+        return unbounded(used), self._mode(pad, at, used, tips=tips)
 
     def _mode(self, pad: HeldPad, at: Array, used: float, *, tips: bool) -> Mode:
         """Return what would happen first on a pad whose utilisation is known."""
@@ -263,7 +277,7 @@ class MotionAdvice:
         tangential = pad.load[:2] + pad.mass.mean() * pad.shares.mean() * felt[:2]
         normal = max(pad.normal - 0.5 * pad.mass.mean() * felt[2], 1e-9)
         translation = float(np.hypot(*tangential)) / (pad.mu * normal)
-        return "rotation" if "rotation" in danger_reasons(_unbounded(used), translation, 0.0) else "translation"
+        return "rotation" if "rotation" in danger_reasons(unbounded(used), translation, 0.0) else "translation"
 
     def _worst_turn(self, held: _Held) -> tuple[float, Array]:
         """Return the largest utilisation of any orientation at rest, and gravity in it."""
@@ -284,8 +298,3 @@ class MotionAdvice:
 
 def _memory(pads: tuple[HeldPad, HeldPad]) -> Array:
     return np.empty(max(pad.twists.shape[1] for pad in pads))
-
-
-def _unbounded(used: float) -> float:
-    """Return a utilisation, inf where no grip holds."""
-    return math.inf if used >= MOST else float(used)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
+from slipd.fusion.held_pad import MOST
 from slipd.types.arrays import Array
 
 Mode = Literal["translation", "rotation", "tipping"]
@@ -64,3 +66,8 @@ class MotionCheck:
     mode: Mode | None = None
     grip_needed_n: float | None = None
     time_scale: float | None = None
+
+
+def unbounded(used: float) -> float:
+    """Return a utilisation, inf where no grip holds."""
+    return math.inf if used >= MOST else float(used)

@@ -180,6 +180,11 @@ class ObjectEstimate:
         self._most = np.maximum(self._most, felt.gravity_mps2)
         self.state = self._summary(placed=bool(known[3]), lever_m=lever_m)
 
+    def expected(self, felt: Felt) -> Array:
+        """Return the load of the object without the errors of the sensors, as that of `update`, shape (6,)."""
+        load: Array = self._rows(felt, 1.0)[:, :4] @ self._mean[:4]
+        return load
+
     def _rows(self, felt: Felt, rise: float) -> Array:
         """Return how the load depends on m, m c and the errors of zero and scale, shape (6, 10)."""
         rows = np.zeros((6, 10))

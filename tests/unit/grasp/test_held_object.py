@@ -36,6 +36,7 @@ class HeldRun(ArmRun):
         self.pads = [Rotation.from_quat(q) for q in ((0.5, -0.5, 0.5, 0.5), (-0.5, -0.5, -0.5, 0.5))]
         self.carries = "arm" in self.engine.links
         self.lies = 1.0  # what the arm reports over what it feels
+        self.swing_nm = 0.0  # spin about the line through both pads
         self.step: Callable[[float], None] = self.serve_gripper if "gripper" in self.engine.links else self.let_pass
 
     def hold(self, gravity: Sequence[float] = DOWN, grip_n: float = GRIP_N, mass_kg: float = MASS_KG) -> None:
@@ -44,7 +45,7 @@ class HeldRun(ArmRun):
         if self.carries:
             self.carry([self.lies * each for each in gravity], STILL, t_ns=self.t_ns - 1)
         force = mass_kg * np.array(gravity) / 2.0
-        torque = mass_kg * np.cross(COM_M, gravity)
+        torque = mass_kg * np.cross(COM_M, gravity) + (0.0, self.swing_nm, 0.0)
         for name, pad, y_m in zip(("left", "right"), self.pads, (0.0425, -0.0425), strict=True):
             whole = force + pad.apply((0.0, 0.0, -grip_n))
             own = torque / 2.0 - np.cross((0.0, y_m, 0.0), force)
@@ -117,6 +118,26 @@ def named(name: str) -> Step:
     return name_it
 
 
+def swings(hz: float) -> Step:
+    def swing(run: HeldRun) -> None:
+        for t_s in np.arange(0.0, 2.0, STEP_MS * 1e-3):
+            run.swing_nm = 0.01 * np.sin(2.0 * np.pi * hz * t_s)
+            run.hold()
+
+    return swing
+
+
+def swings_at(hz: float) -> Step:
+    def check(run: HeldRun) -> None:
+        assert run.engine._status._rig.view.swing.rate_radps == pytest.approx(2.0 * np.pi * hz, rel=0.05)
+
+    return check
+
+
+def swings_nowhere(run: HeldRun) -> None:
+    assert run.engine._status._rig.view.swing is None
+
+
 REST: Step = HeldRun.rest
 RELEASED = hold(8, grip_n=0.0, mass_kg=0.0)
 WEIGHED = held(mass_kg=pytest.approx(MASS_KG, rel=0.02))
@@ -141,6 +162,13 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
             *(hold(12), WEIGHED, held(unknown="", com_m=pytest.approx(COM_M, abs=0.002))),
             *(hold(5, mass_kg=0.5 * MASS_KG), hold(10), held(mass_kg=None), hold(20), WEIGHED, RELEASED),
             *(named("bottle"), hold(30), unknown(object_estimate.NOT_MOVED)),
+        ],
+    ),
+    "an object that swings on the pads shows how fast until it is released": (
+        RIG_OF_GRIPPER,
+        [
+            *(REST, move(1.0), swings_nowhere, swings(5.0), swings_at(5.0), hold(8), swings_at(5.0)),
+            *(RELEASED, swings_nowhere),
         ],
     ),
     "D6 a stream of the wrong sign is named at once, not used, and used again when mended": (

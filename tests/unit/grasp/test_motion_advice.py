@@ -18,6 +18,7 @@ from slipd.grasp.arm_history import ERROR_MPS2, ArmGravity
 from slipd.grasp.motion_advice import ARM_SILENT, GYRATION_M, NO_ARM, NO_GRAVITY
 from slipd.grasp.motion_answers import MotionCheck, MotionLimits
 from slipd.grasp.object_estimate import NOT_MOVED, NOTHING_HELD, ObjectState, unknown_object
+from slipd.grasp.swing_estimate import Swing
 from slipd.types.arrays import Array
 from slipd.types.samples import ArmSample
 
@@ -114,6 +115,43 @@ def test_a_motion_that_is_too_fast_holds_with_the_time_scale_and_needs_the_grip_
     assert again.utilisation == pytest.approx(1.0 / SAFETY, rel=0.04)
     assert found.grip_needed_n == pytest.approx(15.0 * SAFETY * found.utilisation, rel=0.05)
     assert Advised(replace(grip, normal_n=found.grip_needed_n)).check(points).time_scale == pytest.approx(1.0, abs=0.02)
+
+
+def build_up(seconds: float, most_mps2: float) -> Array:
+    """A motion along x that builds up evenly and stays, without a turn."""
+    points = np.zeros((200, 10))
+    points[:, 0] = np.linspace(0.0, 2.0 * seconds, 200)
+    points[:, 1] = most_mps2 * np.minimum(points[:, 0] / seconds, 1.0)
+    points[:, 3] = GRAVITY_MPS2
+    return points
+
+
+def test_an_object_that_swings_on_its_pads_uses_more_in_a_motion_of_half_a_period_and_not_in_a_slow_one() -> None:
+    advised = Advised(firm(0.2, (0.0, 0.0, 0.03)))
+    rigid = [advised.check(build_up(seconds, 12.0)) for seconds in (0.1, 2.0)]
+    advised.view.swing = Swing(2.0 * math.pi * 5.0, 0.0)
+    fast, slow = (advised.check(build_up(seconds, 12.0)) for seconds in (0.1, 2.0))
+    assert slow.utilisation == pytest.approx(rigid[1].utilisation, rel=0.05)
+    assert fast.utilisation > 1.4 * rigid[0].utilisation
+    assert fast.at_s == pytest.approx(0.15, abs=0.03), "half a period after the middle of the build-up"
+    assert 0.4 < fast.time_scale < 0.95 * rigid[0].time_scale
+    held = advised.check(build_up(0.1 / fast.time_scale, 12.0 * fast.time_scale**2))
+    assert held.time_scale == pytest.approx(1.0, abs=0.03)
+    advised.view.swing = Swing(2.0 * math.pi * 5.0, 0.2)
+    swings = advised.check(build_up(2.0, 0.1))
+    assert (swings.at_s, swings.time_scale) == (0.0, 0.0), "from before: slower is no help"
+
+
+def test_an_object_that_has_begun_to_tip_is_held_by_no_motion() -> None:
+    advised = Advised(firm())
+    for _ in range(40):
+        wrenches = [np.array(finger.state.wrench) for finger in advised.fingers.values()]
+        aside = [np.array((*wrench[:4], -0.01 * wrench[2], wrench[5])) for wrench in wrenches]
+        advised.read([advised.state(*pad) for pad in zip(aside, advised.grip.patches, strict=True)])
+        advised.look()
+    found = advised.advice.check_acceleration((0.0, 0.0, 0.0), advised.t_ns, None)
+    assert (found.time_scale, found.grip_needed_n, found.mode) == (0.0, math.inf, "tipping")
+    assert found.utilisation > 1.0
 
 
 def test_one_acceleration_is_a_motion_from_the_present_orientation() -> None:

@@ -1,0 +1,51 @@
+"""A swing on soft pads: the exact damped oscillator, and how far it goes beyond a rigid grip."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.signal import lsim
+
+from slipd.fusion.object_swing import DAMPING, swing_excess
+
+OMEGA = 2.0 * math.pi * 5.0
+TIMES_S = np.concatenate(([0.0], np.cumsum(np.random.default_rng(1).uniform(0.001, 0.03, 80))))
+
+
+def excess(rigid: np.ndarray, times_s: np.ndarray = TIMES_S, earlier: float = 0.0) -> np.ndarray:
+    out = np.empty((2, rigid.size))
+    swing_excess(times_s, rigid, OMEGA, earlier, out)
+    return out[1] if earlier == 0.0 else out[0]
+
+
+def test_it_is_the_damped_oscillator_under_a_load_that_is_linear_between_the_points() -> None:
+    rigid = np.sin(20.0 * TIMES_S) + 0.3
+    even_s = np.linspace(0.0, TIMES_S[-1], 20001)
+    system = ([OMEGA**2], [1.0, 2.0 * DAMPING * OMEGA, OMEGA**2])
+    load = np.interp(even_s, TIMES_S, rigid)
+    _, spin, _ = lsim(system, load - load[0], even_s)
+    wanted = np.interp(TIMES_S, even_s, spin) + load[0] - rigid
+    assert excess(rigid)[:-1] == pytest.approx(wanted[:-1], abs=2e-3)
+
+
+@pytest.mark.parametrize("build_s", [0.05, 0.1, 0.3, 0.7])
+def test_a_ramp_is_overshot_by_the_sinc_of_its_time_in_periods(build_s: float) -> None:
+    times_s = np.arange(0.0, build_s + 0.3, 0.001)
+    beyond = excess(np.minimum(times_s / build_s, 1.0), times_s)[times_s >= build_s].max()
+    assert beyond == pytest.approx(abs(np.sinc(5.0 * build_s)), abs=0.1)
+
+
+def test_the_object_swings_on_after_the_last_point() -> None:
+    times_s = np.linspace(0.0, 0.05, 21)
+    ended = excess(-times_s / 0.05, times_s)
+    assert ended[-1] == pytest.approx(-abs(np.sinc(5.0 * 0.05)), abs=0.1)
+    assert ended[-2] > 0.0  # it lags at first
+
+
+def test_a_swing_from_before_fades_and_adds_as_squares_in_the_direction_of_the_spin() -> None:
+    still = excess(np.full(TIMES_S.size, -1.0), earlier=0.2)
+    assert still == pytest.approx(-0.2 * np.exp(-DAMPING * OMEGA * TIMES_S))
+    jump = excess(np.where(TIMES_S > 0.0, 1.0, 0.0), np.minimum(TIMES_S, 1.0), earlier=0.2)
+    assert jump[1] == pytest.approx(math.sqrt(1.04) - 1.0, abs=0.01)
