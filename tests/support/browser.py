@@ -100,12 +100,20 @@ class Browser:
     def click(self, selector: str) -> None:
         self.do(lambda page: page.click(selector))
 
-    def press(self, button: str, reply: str) -> None:
-        """Press a button until its reply begins as expected: a busy machine has reasons of its own to refuse."""
+    def press(self, button: str, reply: str, mend: Callable[[], object] | None = None) -> None:
+        """Press a button until its reply begins as expected: a busy machine has reasons of its own to refuse.
+
+        Args:
+            button: Selector of the button.
+            reply: Begin of the expected reply.
+            mend: Called after another reply, before the next try.
+        """
         until_s = time.monotonic() + PATIENCE_S
         shown = "((text) => text !== '…' && text)(document.getElementById('reply').textContent)"
         while not (found := (self.click(button), self.until(shown))[1]).startswith(reply):
             assert time.monotonic() < until_s, found
+            if mend is not None:
+                mend()
             time.sleep(0.1)
 
     def _start(self) -> None:

@@ -148,7 +148,7 @@ class ViewedRig:
 
     def heard(self, topic: str) -> list[dict[str, Any]]:
         """Return every message of a topic so far."""
-        return [body for (name, _), body in list(self.messages.items()) if name == topic]
+        return [body for (name, _), body in self.messages.copy().items() if name == topic]
 
     def _listen(self) -> None:
         with Subscriber(self.endpoints.publish, ("",), keys=self._keys()) as subscriber:
