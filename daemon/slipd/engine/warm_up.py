@@ -19,7 +19,7 @@ from slipd.fusion.motion_scale import check_points, follow_gravity, largest_scal
 from slipd.fusion.object_swing import swing_excess
 from slipd.fusion.streaming import move_to_pad, new_readings
 from slipd.grasp.swing_estimate import SwingEstimate
-from slipd.motion.image_blocks import BLOCK_S, ImageBlocks, LoadNoise
+from slipd.motion.image_blocks import BLOCK_S, Block, ImageBlocks, LoadNoise
 from slipd.motion.image_fit import ImageComparison
 from slipd.motion.image_shift import ImageShift
 from slipd.signals.charge_reconstruction import ChargeReconstruction
@@ -72,8 +72,8 @@ def _look_for_motion() -> None:
         t_ns, image, wrench = k * round(BLOCK_S * 1e9), np.ones(4), (0.1, 0.0, -1.0, 0.0, 0.0, 0.0)
         shift.update(t_ns, image, wrench)
         block = blocks.update(t_ns, image, wrench)
-    if block is not None:
-        ImageComparison(geometry).shows_shift(block, block, np.zeros(3))
+    rests = cast("Block", block)
+    ImageComparison(geometry).shows_shift(rests, rests, np.zeros(3))
 
 
 def _advise_motion(x: Array, y: Array, loads: Array) -> None:
