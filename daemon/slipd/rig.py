@@ -38,7 +38,7 @@ class Rig:
         channels: The channels of all fingers by stream.
         links: The links by name.
         gripper: The gripper; keeps the lease.
-        reflex: The reflex; None: there is none.
+        reflex: Controller of the reflex; None if the config has no reflex.
         view: Both fingers as one grasp; None: the config has no ``[grasp]``.
         arm: Motion of the arm; None: no stream reports it.
         advice: How fast the arm may go; None: the config has no ``[grasp]``.

@@ -11,9 +11,9 @@ from slipd.fusion.object_swing import KEEP, RATES_RADPS, follow_swing, swing_exc
 from slipd.types.arrays import Array
 
 MOST_GAP_NS = 60_000_000
-"""After a longer gap between readings the swing is followed anew."""
+"""A longer gap between readings restarts the estimate."""
 LEAST_READINGS = 15
-"""So many readings are needed: about two periods."""
+"""Readings that the estimate needs, some two periods of a swing."""
 SEEN = 0.3
 """A swing is seen where a frequency leaves at most this part of the squares that a rigid grip leaves unexplained."""
 

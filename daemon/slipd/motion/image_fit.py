@@ -246,12 +246,8 @@ def fit_change(
         changes[n] = weight * change[k]
         each = modes[n]
         each[0], each[1], each[2] = weight * load, weight * load * x / radius_m, weight * load * y / radius_m
-        each[3], each[4], each[5], each[6] = (
-            weight * x * slope_x,
-            weight * y * slope_y,
-            -weight * slope_x,
-            -weight * slope_y,
-        )
+        each[3], each[4] = weight * x * slope_x, weight * y * slope_y
+        each[5], each[6] = -weight * slope_x, -weight * slope_y
         each[7] = weight * (y * slope_x - x * slope_y) / radius_m
     factor, amount = _solve(modes, changes)
     for i in range(MOTIONS):
