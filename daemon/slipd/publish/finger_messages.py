@@ -13,7 +13,6 @@ from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
 from slipd.friction.friction_state import FrictionState
 from slipd.fusion.verdict_numbers import MODELS
-from slipd.motion.evidence import evidence_names
 from slipd.publish.message_sequencer import Body, MessageSequencer, Pace, array
 from slipd.types.arrays import finite_or_none
 from slipd_client.messages import (
@@ -35,17 +34,12 @@ def slip_body(finger: Finger, state: FingerState) -> Body:
     """Return ``slip.<finger>``: the verdict on one contact, and the quantities behind it."""
     force, image, distribution = finger.force, finger.image, state.load_distribution
     (
-        evidence, model, normal_n, fx_n, fy_n, spin_nm, cx_m, cy_m, cx_std_m, cy_std_m, ratio, ratio_std, required,
+        _, model, normal_n, fx_n, fy_n, spin_nm, cx_m, cy_m, cx_std_m, cy_std_m, ratio, ratio_std, required,
         used, lower, upper, pole_x_m, pole_y_m, margin_m, torque_limit_nm, needed_n,
     ) = state.numbers(finger.config)  # fmt: skip
-    friction, zero = state.friction or finger.friction.state, finger.tare.current
     carried = None if state.friction is None else state.friction.carried
     return {
-        "finger": finger.name,
-        "level": state.verdict.level,
-        "level_code": LEVELS.index(state.verdict.level),
-        "reasons": list(state.verdict.reasons),
-        "evidence": list(evidence_names(evidence)),
+        **_verdict(finger, state),
         "force_unit": _force_unit(finger, state),
         "normal_n": normal_n,
         "tangential_n": _vector(fx_n, fy_n),
@@ -55,11 +49,7 @@ def slip_body(finger: Finger, state: FingerState) -> Body:
         "friction_ratio": ratio,
         "friction_ratio_std": ratio_std,
         "gravity": None if force is None else force.gravity.state(state.t_ns),
-        "mu": friction.mu,
-        "mu_source": friction.source,
-        "mu_low": friction.mu_low,
-        "mu_high": friction.mu_high,
-        "mu_d": friction.mu_d,
+        **friction_body(state.friction or finger.friction.state),
         "required_friction": required,
         "carried_friction": carried,
         "relative_utilisation": None if carried is None or required is None else required / carried,
@@ -73,9 +63,8 @@ def slip_body(finger: Finger, state: FingerState) -> Body:
         "tipping_margin_std_m": None if image is None else 0.5 * image.geometry.pitch_m,
         "centroid_residual_m": None if distribution is None else finite_or_none(distribution.loads.centroid_residual_m),
         "model": MODELS[model],
-        "tare_id": zero.id,
-        "tare_origin": finger.main.zero.origin,
-        "tare_age_s": zero.age_s(state.t_ns),
+        "tare_id": finger.tare.current.id,
+        **tare_body(finger.main, state.t_ns),
         "age_s": state.age_s,
     }
 
@@ -88,11 +77,7 @@ def _vector(*components: float | None) -> list[float | None] | None:
 def warning_body(finger: Finger, state: FingerState, previous: str) -> Body:
     """Return ``warning``: the level of a finger is no longer ``previous``."""
     return {
-        "finger": finger.name,
-        "level": state.verdict.level,
-        "level_code": LEVELS.index(state.verdict.level),
-        "reasons": list(state.verdict.reasons),
-        "evidence": list(state.evidence),
+        **_verdict(finger, state),
         "previous": previous,
         "rising": SEVERITY[state.verdict.level] > SEVERITY[previous],
         "utilisation": None if state.utilisation is None else finite_or_none(state.utilisation.value),
@@ -166,6 +151,17 @@ def friction_setter_body(finger: Finger) -> Body:
     """Return the friction in use of one finger, and which client set it."""
     friction = finger.friction
     return {**friction_body(friction.state), "mu_by": friction.set_by, "mu_t_ns": friction.set_t_ns}
+
+
+def _verdict(finger: Finger, state: FingerState) -> Body:
+    """Return the fields that ``slip`` and ``warning`` share."""
+    return {
+        "finger": finger.name,
+        "level": state.verdict.level,
+        "level_code": LEVELS.index(state.verdict.level),
+        "reasons": list(state.verdict.reasons),
+        "evidence": list(state.evidence),
+    }
 
 
 def _force_unit(finger: Finger, state: FingerState) -> str:
