@@ -19,7 +19,7 @@ from slipd.types.arrays import Array
 MODELS = ("none", "translation", "exact")
 """What a utilisation takes into account."""
 NONE, TRANSLATION, EXACT = range(3)
-UNKNOWN_NUMBERS: list[Any] = [0, NONE, *(None,) * 19]
+UNKNOWN_NUMBERS: list[Any] = [NONE, *(None,) * 19]
 """What `find_numbers` gives of no reading."""
 
 
@@ -43,7 +43,7 @@ def find_numbers(
         growth: Exponent with which the contact grows, see `slipd.fusion.limit.grip_factor.solve_grip_factor`.
 
     Returns:
-        Evidence, as bits; model, an index of MODELS; normal force; tangential force (2); spin; centroid (2) and its
+        Model, an index of MODELS; normal force; tangential force (2); spin; centroid (2) and its
         standard deviation (2); R and its standard deviation; required friction; λ and its bounds (2); pole (2); tipping
         margin; torque that friction carries in the sense of the spin; and least normal force that holds the load.
     """
@@ -71,7 +71,7 @@ def find_numbers(
     if row["phase"] == TOUCHING and not math.isnan(mu):
         model = EXACT if exact else TRANSLATION
     return (
-        found["evidence"], model, normal, fx, fy, spin, cx, cy, cx_std, cy_std, ratio, ratio_std,
+        model, normal, fx, fy, spin, cx, cy, cx_std, cy_std, ratio, ratio_std,
         found["required_friction"], value, lower, upper, px, py, margin, torque_limit, needed,
     )  # fmt: skip
 

@@ -34,7 +34,7 @@ def slip_body(finger: Finger, state: FingerState) -> Body:
     """Return ``slip.<finger>``: the verdict on one contact, and the quantities behind it."""
     force, image, distribution = finger.force, finger.image, state.load_distribution
     (
-        _, model, normal_n, fx_n, fy_n, spin_nm, cx_m, cy_m, cx_std_m, cy_std_m, ratio, ratio_std, required,
+        model, normal_n, fx_n, fy_n, spin_nm, cx_m, cy_m, cx_std_m, cy_std_m, ratio, ratio_std, required,
         used, lower, upper, pole_x_m, pole_y_m, margin_m, torque_limit_nm, needed_n,
     ) = state.numbers(finger.config)  # fmt: skip
     carried = None if state.friction is None else state.friction.carried
