@@ -13,7 +13,7 @@ import numpy as np
 
 from slipd.devices import Device
 from slipd.devices.external.external_message import MAX_MESSAGE, encode_reading, measure, parse
-from slipd.devices.shared.device_interface import DecoderHealth
+from slipd.devices.shared.frame_scanner import FrameDecoder
 from slipd.devices.shared.msgpack_messages import MsgpackScanner
 from slipd.devices.shared.sequence_tracker import SequenceTracker
 from slipd.types.arrays import Array
@@ -31,7 +31,7 @@ _SPEED_KEYS = "object_speed_mps", "object_speed_std_mps"
 _BEGIN = re.compile(rb"[\x83-\x87](?:[\xa3-\xbb]|\Z)")  # a map of 3 to 7 fields, and a key of 3 to 27 bytes
 
 
-class Decoder:
+class Decoder(FrameDecoder):
     """Decode every message to a wrench, tactile, object or arm sample; ``source`` is its ``stream``.
 
     ``device_time_ns`` is the message's ``t_ns``: CLOCK_MONOTONIC on this host at the acquisition, as reported by the
@@ -42,20 +42,22 @@ class Decoder:
     Status names: those of the message, and "invalid" if a value is not finite.
     """
 
+    _frames: MsgpackScanner[dict[str, Any]]
+
     def __init__(self) -> None:
-        self.health = DecoderHealth()
-        self._scanner = MsgpackScanner(_BEGIN, measure, parse, self.health, limited=True)
+        super().__init__()
+        self._frames = MsgpackScanner(_BEGIN, measure, parse, self.health, limited=True)
         self._sequences: dict[str, SequenceTracker] = {}
 
     def receive(self, data: bytes, t_ns: int) -> list[Reading]:
         """Decode bytes received at ``t_ns``; return the readings they complete."""
-        samples = [_sample(body, t_ns) for body in self._scanner.messages(data) if self._is_new(body)]
+        samples = [_sample(body, t_ns) for body in self._frames.messages(data) if self._is_new(body)]
         self.health.good += len(samples)
         return samples
 
     def forget(self) -> None:
         """Drop a partial message and the expected sequence numbers, because the line was closed."""
-        self._scanner.forget()
+        super().forget()
         self._sequences.clear()
 
     def _is_new(self, body: dict[str, Any]) -> bool:

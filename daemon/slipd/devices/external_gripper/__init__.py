@@ -10,7 +10,7 @@ from slipd.devices import Device
 from slipd.devices.external_gripper import external_gripper_message as wire
 from slipd.devices.external_gripper.external_gripper_message import Decoder, Foreign, Registration, Report, sample
 from slipd.devices.external_gripper.external_gripper_setpoints import ACTIVATION, TRANSITIONS, SetpointQueue
-from slipd.devices.shared.command_queue import QueuedGripperSession, Ranges
+from slipd.devices.shared.command_queue import QueuedGripperSession
 from slipd.devices.shared.device_interface import check_integer
 from slipd.devices.shared.gripper_session import Event, State, report_of
 from slipd.types.samples import GripperSample
@@ -130,12 +130,9 @@ class Session(QueuedGripperSession[SetpointQueue]):
         self._follow_activation()
         return notice + setpoint
 
-    def _activate(self, now_ns: int) -> bool:
+    def _activate(self, now_ns: int) -> None:
         """Queue the activation, whatever the driver does for it."""
-        if not self._machine.handle(Event.ACTIVATE):
-            return False
         self._queue.activate()
-        return True
 
     def _halt(self) -> bool:
         dropped = self.drop()
@@ -152,13 +149,14 @@ class Session(QueuedGripperSession[SetpointQueue]):
         self._fault, self._queue.echo_ok = "", None
         if self.identity not in ("", driver.name):
             self._machine.handle(Event.STRANGER)
-            self._driver = self._ranges = None
+            self._driver = None
+            self._set_ranges()
             self._refuse(_ANOTHER, now_ns)
             return
         self.health.restarts += self.identity != ""
         self._machine.handle(Event.REGISTERED)
         self._driver = driver
-        self._ranges = Ranges(driver.width_range_m, driver.force_range_n, driver.speed_range_mps)
+        self._set_ranges(driver.width_range_m, driver.force_range_n, driver.speed_range_mps)
         self.identity = driver.name
         self._silent_at_ns = now_ns + SILENCE_NS
         self._notice, self._notice_ns = wire.encode_notice(wire.REGISTERED, driver.name), now_ns

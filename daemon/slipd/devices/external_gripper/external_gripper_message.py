@@ -15,7 +15,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import msgpack
 from pydantic import AfterValidator, ConfigDict, Field, Strict, TypeAdapter, ValidationError
 
-from slipd.devices.shared.device_interface import DecoderHealth
+from slipd.devices.shared.frame_scanner import FrameDecoder
 from slipd.devices.shared.msgpack_messages import (
     FIXARRAY,
     FIXSTR,
@@ -194,16 +194,18 @@ def encode_notice(key: str, text: str) -> bytes:
 _BEGIN = re.compile(rb"[\x82-\x8a](?:[\xa1-\xaf]|\Z)")  # a map of 2 to 10 fields, and a key
 
 
-class Decoder:
+class Decoder(FrameDecoder):
     """Return a gripper sample of every report; `Session` sets its ``echo_ok``, because it knows the requests.
 
     Bytes outside messages are `bad_bytes`, and each stretch of them is one `bad`; so is a message with an unknown key,
     a value of the wrong type, or a number that is not finite or beyond any gripper's range.
     """
 
+    _frames: MsgpackScanner[Message]
+
     def __init__(self) -> None:
-        self.health = DecoderHealth()
-        self._scanner: MsgpackScanner[Message] = MsgpackScanner(_BEGIN, measure, parse, self.health, limited=False)
+        super().__init__()
+        self._frames = MsgpackScanner(_BEGIN, measure, parse, self.health, limited=False)
 
     def receive(self, data: bytes, t_ns: int) -> list[GripperSample]:
         """Decode bytes received at ``t_ns``; return the readings they complete."""
@@ -211,13 +213,9 @@ class Decoder:
         self.health.good += len(samples)
         return samples
 
-    def forget(self) -> None:
-        """Drop a partial message, because the line was closed."""
-        self._scanner.forget()
-
     def messages(self, data: bytes) -> list[Message]:
         """Decode bytes; return every message they complete."""
-        return self._scanner.messages(data)
+        return self._frames.messages(data)
 
 
 def sample(report: Report, t_ns: int) -> GripperSample:

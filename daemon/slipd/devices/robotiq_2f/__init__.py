@@ -174,12 +174,9 @@ class Session(GripperSessionBase[WriteQueue]):
             self._machine.handle(_SENT[write.kind])
         return self._line.send(write.request, now_ns)
 
-    def _activate(self, now_ns: int) -> bool:
-        if not self._machine.handle(Event.ACTIVATE):
-            return False
+    def _activate(self, now_ns: int) -> None:
         self._queue.activate()
         self._line.poll_soon(now_ns)
-        return True
 
     def _move(self, width_m: float, speed_mps: float | None, force_n: float) -> bool:
         units = self._units
@@ -189,11 +186,8 @@ class Session(GripperSessionBase[WriteQueue]):
         self._queue.move(goal, force)
         return True
 
-    def _set_force(self, force_n: float) -> bool:
-        if not self._machine.handle(Event.SET_FORCE):
-            return False
+    def _set_force(self, force_n: float) -> None:
         self._queue.set_force(self._units.force(force_n), self._unanswered)
-        return True
 
     def _halt(self) -> bool:
         dropped = self._machine.accepts(Event.DROP) and self.drop()

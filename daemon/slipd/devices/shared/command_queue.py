@@ -10,7 +10,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.gripper_session import Event, GripperSessionBase, State, StateMachine, Table, check_range
@@ -156,14 +156,8 @@ class CommandQueue(WaitingCommands[QueuedCommand], ABC):
             self.waiting.insert(0, command)
 
 
-class Ranges(NamedTuple):
-    """Smallest and largest width between the pads, m, force on one pad, N, and speed, m/s; None: it cannot be set."""
-
-    width_m: tuple[float, float]
-    force_n: tuple[float, float]
-    speed_mps: tuple[float, float] | None
-
-
+Range = tuple[float, float]
+UNKNOWN_RANGE = 0.0, math.inf
 Queue = TypeVar("Queue", bound=CommandQueue)
 
 
@@ -171,6 +165,11 @@ class QueuedGripperSession(GripperSessionBase[Queue]):
     """Session that sends one command at a time, to a gripper that reports its own ranges.
 
     A subclass sets ``decoder``, ``_queue`` and ``_table``, the table of its state machine.
+
+    Attributes:
+        width_range_m: Smallest and largest width between the pads, m; (0, inf) until the gripper reports them.
+        force_range_n: Smallest and largest force, N on one pad; likewise.
+        speed_range_mps: Smallest and largest speed, m/s; None if it cannot be set, or until the gripper reports them.
     """
 
     decoder: Any
@@ -181,7 +180,7 @@ class QueuedGripperSession(GripperSessionBase[Queue]):
         self._queue.reset()
         self._machine = StateMachine(self._table, state)
         self.identity = ""
-        self._ranges: Ranges | None = None
+        self._set_ranges()
         self._fault = ""  # in the last reading
         self._reported: Event | None = None  # by the last reading
 
@@ -189,21 +188,6 @@ class QueuedGripperSession(GripperSessionBase[Queue]):
     def command_lost(self) -> bool:
         """Whether the last command was refused, was never acknowledged, or reached a gripper that could not obey."""
         return bool(self._queue.failure)
-
-    @property
-    def width_range_m(self) -> tuple[float, float]:
-        """Smallest and largest width between the pads, m; (0, inf) until the gripper reports them."""
-        return (0.0, math.inf) if self._ranges is None else self._ranges.width_m
-
-    @property
-    def speed_range_mps(self) -> tuple[float, float] | None:
-        """Smallest and largest speed, m/s; None if it cannot be set, or until the gripper reports them."""
-        return None if self._ranges is None else self._ranges.speed_mps
-
-    @property
-    def force_range_n(self) -> tuple[float, float]:
-        """Smallest and largest force, N on one pad; (0, inf) until the gripper reports them."""
-        return (0.0, math.inf) if self._ranges is None else self._ranges.force_n
 
     def applied_n(self, force_n: float) -> float:
         """Return ``force_n``: a force has no steps."""
@@ -232,11 +216,14 @@ class QueuedGripperSession(GripperSessionBase[Queue]):
         self._queue.move(width_m, speed_mps, self._in_range(force_n))
         return True
 
-    def _set_force(self, force_n: float) -> bool:
-        if not self._machine.handle(Event.SET_FORCE):
-            return False
+    def _set_force(self, force_n: float) -> None:
         self._queue.set_force(self._in_range(force_n))
-        return True
+
+    def _set_ranges(
+        self, width_m: Range = UNKNOWN_RANGE, force_n: Range = UNKNOWN_RANGE, speed_mps: Range | None = None
+    ) -> None:
+        """Set the ranges that the gripper reports."""
+        self.width_range_m, self.force_range_n, self.speed_range_mps = width_m, force_n, speed_mps
 
     def _in_range(self, force_n: float) -> float:
         """Return the nearest force that the gripper has."""

@@ -235,7 +235,10 @@ class GripperSessionBase(ABC, Generic[Queue]):
             ValueError: The width or speed is out of the gripper's range, or a value is missing or not finite.
         """
         if permit.kind == "activate":
-            return self._activate(now_ns)
+            accepted = self._machine.handle(Event.ACTIVATE)
+            if accepted:
+                self._activate(now_ns)
+            return accepted
         if permit.kind == "halt":
             return self._halt()
         force_n = permit.force_n
@@ -244,26 +247,29 @@ class GripperSessionBase(ABC, Generic[Queue]):
         if not math.isfinite(force_n):
             raise ValueError(f"a force must be finite, got {force_n} N")
         if permit.kind == "set_force":
-            return self._set_force(force_n)
+            accepted = self._machine.handle(Event.SET_FORCE)
+            if accepted:
+                self._set_force(force_n)
+            return accepted
         if permit.width_m is None:
             raise ValueError("a permit of kind 'move' must have a width")
         return self._move(permit.width_m, permit.speed_mps, force_n)
 
     @abstractmethod
-    def _activate(self, now_ns: int) -> bool:
-        """Make the gripper ready."""
+    def _activate(self, now_ns: int) -> None:
+        """Queue what makes the gripper ready; its state accepts it."""
 
     @abstractmethod
     def _move(self, width_m: float, speed_mps: float | None, force_n: float) -> bool:
-        """Move to a width with a force."""
+        """Move to a width with a force, if the state accepts it."""
 
     @abstractmethod
-    def _set_force(self, force_n: float) -> bool:
-        """Change the force at the width requested last."""
+    def _set_force(self, force_n: float) -> None:
+        """Queue a change of the force at the width requested last; the state accepts it."""
 
     @abstractmethod
     def _halt(self) -> bool:
-        """Stop the fingers where they are."""
+        """Stop the fingers where they are, if the state accepts it; return whether anything is sent or dropped."""
 
 
 def check_range(name: str, value: float, bounds: tuple[float, float], unit: str, tolerance: float = 0.0) -> None:

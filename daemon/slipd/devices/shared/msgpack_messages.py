@@ -9,11 +9,12 @@ they cannot.
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable, Collection, Mapping
 from typing import Generic, TypeVar
 
 from slipd.devices.shared.device_interface import DecoderHealth
-from slipd.devices.shared.frame_scanner import NO_FRAME
+from slipd.devices.shared.frame_scanner import NO_FRAME, FrameScanner
 
 
 class Incomplete(Exception):  # noqa: N818
@@ -191,8 +192,8 @@ Each check takes microseconds, and any two bytes may look like the beginning of 
 """
 
 
-class MsgpackScanner(Generic[MessageT]):
-    """Find messages; count each stretch of other bytes as one ``bad``, and its length as ``bad_bytes``.
+class MsgpackScanner(FrameScanner, Generic[MessageT]):
+    """Find messages; each stretch of other bytes counts as one ``bad``.
 
     Args:
         begin: Pattern of the first bytes of a message.
@@ -212,51 +213,36 @@ class MsgpackScanner(Generic[MessageT]):
         *,
         limited: bool,
     ) -> None:
+        super().__init__(b"", self._measure_message, sys.maxsize, health, seek=self._next_try)
         self._begin = begin
-        self._measure = measure
+        self._length_at = measure
         self._parse = parse
-        self._health = health
         self._bytes_per_try = BYTES_PER_TRY if limited else 0
-        self._tail = b""
-        self._garbage = 0  # bytes of the stretch of garbage before the tail
-        self._tries = 0  # places in it that were checked in vain
+        self._found: list[MessageT] = []
+        self._done = 0  # end of the newest message in the buffer
+        self._tries = 0  # places after it that were checked in vain
 
     def messages(self, data: bytes) -> list[MessageT]:
         """Scan the next bytes of the stream; return the messages they complete."""
-        buffer = self._tail + data
-        found: list[MessageT] = []
-        done, at = 0, self._next_try(0)
-        while (begin := self._begin.search(buffer, at)) is not None:
-            at = begin.start()
-            length = self._measure(buffer, at)
-            if length == 0:
-                break
-            message = self._parse(buffer[at : at + length]) if length > 0 else None
-            if message is None:
-                self._tries += 1
-                at = max(at + 1, self._next_try(done))
-                continue
-            self._drop(at - done)
-            self._garbage = self._tries = 0
-            done = at = at + length
-            found.append(message)
-        keep = at if begin is not None else len(buffer)
-        self._drop(keep - done)
-        self._tail = buffer[keep:]
-        return found
+        self._found, self._done = [], 0
+        self.receive(data)
+        return self._found
 
-    def forget(self) -> None:
-        """Drop a partial message, because the line was closed."""
-        self._drop(len(self._tail))
-        self._tail = b""
+    def _measure_message(self, buffer: bytes, at: int) -> int:
+        """Measure a message for `FrameScanner`, which calls this once per valid message, and keep its content."""
+        length = self._length_at(buffer, at)
+        if length <= 0:
+            return length
+        message = self._parse(buffer[at : at + length])
+        if message is None:
+            return NO_FRAME
+        self._found.append(message)
+        self._done, self._tries = at + length, 0
+        return length
 
-    def _drop(self, count: int) -> None:
-        """Count bytes that belong to no message."""
-        if count:
-            self._health.bad_bytes += count
-            self._health.bad += not self._garbage
-            self._garbage += count
-
-    def _next_try(self, done: int) -> int:
-        """Return the first place that may be checked in the garbage that continues at ``done``."""
-        return max(0, done + (self._tries - FREE_TRIES) * self._bytes_per_try - self._garbage)
+    def _next_try(self, buffer: bytes, at: int) -> int:
+        """Return the first place from ``at`` on that may be checked, -1 if there is none."""
+        self._tries += 1
+        allowed = self._done + (self._tries - FREE_TRIES) * self._bytes_per_try - self._damage
+        begin = self._begin.search(buffer, max(at, allowed))
+        return begin.start() if begin else -1

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from slipd.devices import Device, GripRange, RateOption
 from slipd.devices.shared import weiss_packets as weiss
-from slipd.devices.shared.command_queue import QueuedGripperSession, Ranges
+from slipd.devices.shared.command_queue import QueuedGripperSession
 from slipd.devices.shared.device_interface import check_integer
 from slipd.devices.shared.gripper_session import Event, State, report_of
 from slipd.devices.shared.sensor_session import StartupSequence, Step
@@ -153,13 +153,10 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
             self._reported = None
         return request + command
 
-    def _activate(self, now_ns: int) -> bool:
+    def _activate(self, now_ns: int) -> None:
         """Queue homing, after the acknowledgement of a fault if there is one."""
-        if not self._machine.handle(Event.ACTIVATE):
-            return False
         self._queue.home(faulty=bool(self._fault))
         self._homing_until_ns = now_ns + HOMING_NS
-        return True
 
     def _halt(self) -> bool:
         if not self._machine.handle(Event.HALT):
@@ -187,7 +184,7 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
     def _handle_info(self, reply: Reply) -> None:
         if reply.id == wire.LIMITS:
             limits = wire.parse_limits(reply.data)
-            self._ranges = Ranges(
+            self._set_ranges(
                 (0.0, limits.stroke_mm / 1000),
                 (limits.min_force / FINGERS, limits.most_force(overdrive=self._overdrive) / FINGERS),
                 (limits.min_speed / 1000, limits.max_speed / 1000),

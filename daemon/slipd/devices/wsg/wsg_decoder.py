@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from slipd.devices.shared import weiss_packets as weiss
-from slipd.devices.shared.device_interface import DecoderHealth
+from slipd.devices.shared.frame_scanner import FrameDecoder
 from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, PacketScanner
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.devices.wsg.wsg_messages import FINGERS
@@ -61,7 +61,7 @@ NEWEST = 2 * len(wire.UPDATES)
 """An update counts for as long as it is one of this many newest: in any order, those of two periods."""
 
 
-class Decoder:
+class Decoder(FrameDecoder):
     """Return a gripper sample of each system state, with the newest width, force and grasping state.
 
     The gripper sends the four one by one, each at the same period, but in no fixed order: the Robotics Library
@@ -71,10 +71,12 @@ class Decoder:
     ``force_n`` is half of the force that the gripper sends, which is the sum of both fingers.
     """
 
+    _frames: PacketScanner
+
     def __init__(self) -> None:
-        self.health = DecoderHealth()
+        super().__init__()
         self.words: frozenset[str] = frozenset()
-        self._scanner = PacketScanner(SEED_WITH_PREAMBLE, _is_reply, _TYPICAL_BYTES, self.health)
+        self._frames = PacketScanner(SEED_WITH_PREAMBLE, _is_reply, _TYPICAL_BYTES, self.health)
         self._newest: dict[int, tuple[int, bytes]] = {}  # by id: number and data of the update
         self._count = 0  # of updates
 
@@ -85,7 +87,7 @@ class Decoder:
 
     def forget(self) -> None:
         """Drop a partial reading, because the line was closed."""
-        self._scanner.forget()
+        super().forget()
         self._newest.clear()
 
     def replies(self, data: bytes) -> list[Reply]:
@@ -96,7 +98,7 @@ class Decoder:
                 int.from_bytes(packet.payload[: wire.STATUS_LENGTH], "little"),
                 packet.payload[wire.STATUS_LENGTH :],
             )
-            for packet in self._scanner.packets(data)
+            for packet in self._frames.packets(data)
         ]
 
     def decode_reply(self, reply: Reply, t_ns: int) -> GripperSample | None:
