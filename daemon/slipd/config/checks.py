@@ -15,6 +15,7 @@ from slipd.config.stream_checks import finger_faults, stream_faults
 from slipd.config.stream_tables import Stream, Table
 from slipd.config.value_bounds import GRIP, MARGIN, PLACE, SPEED, WIDTH, Fault, table_fault
 from slipd.devices import DEVICES, GripRange
+from slipd_client.quaternions import Vector, rotated
 
 _FINGER_NAME = re.compile(r"[a-z0-9]{1,32}")
 _PORT_KEYS = ("options", "baud", "hardware_id")
@@ -226,10 +227,9 @@ def _facing(config: Grasp) -> Iterator[Fault]:
         yield f"grasp.pads.{other}.quat_xyzw", f"{rule}: is it x, y, z, w?"
 
 
-def _outward(quat_xyzw: list[float]) -> tuple[float, float, float]:
+def _outward(quat_xyzw: list[float]) -> Vector:
     """Return the Z axis of a pad in the gripper frame."""
-    x, y, z, w = (part / math.hypot(*quat_xyzw) for part in quat_xyzw)
-    return 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)
+    return rotated([part / math.hypot(*quat_xyzw) for part in quat_xyzw], (0.0, 0.0, 1.0))
 
 
 def reflex_faults(config: Config) -> Iterator[Fault]:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from slipd.types.arrays import Array, flushed
+from slipd_client.quaternions import cross
 
 STANDARD_GRAVITY_MPS2 = 9.80665
 MOST_GRAVITY_MPS2 = 5.0 * STANDARD_GRAVITY_MPS2
@@ -49,15 +50,10 @@ def gravity_at(
         velocity_radps: Angular velocity ω, shape (3,), rad/s.
         acceleration_radps2: Angular acceleration α, shape (3,), rad/s²; None is taken as 0.
     """
-    inward = _cross(velocity_radps, _cross(velocity_radps, place_m))
-    along = (0.0, 0.0, 0.0) if acceleration_radps2 is None else _cross(acceleration_radps2, place_m)
+    inward = cross(velocity_radps, cross(velocity_radps, place_m))
+    along = (0.0, 0.0, 0.0) if acceleration_radps2 is None else cross(acceleration_radps2, place_m)
     x, y, z = (g - a - b for g, a, b in zip(gravity_mps2, along, inward, strict=True))
     return x, y, z
-
-
-def _cross(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float]:
-    (ax, ay, az), (bx, by, bz) = a, b
-    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,9 +87,8 @@ class FingerWeight:
             Force (3,), N, and torque about the pad's origin (3,), N·m, in one array (6,). The wrench of the object is
             the mounted reading minus this.
         """
-        x, y, z = self.com_m
-        fx, fy, fz = (self.mass_kg * float(component) for component in gravity_mps2)
-        return flushed(np.array((fx, fy, fz, y * fz - z * fy, z * fx - x * fz, x * fy - y * fx)))
+        force_n = [self.mass_kg * float(component) for component in gravity_mps2]
+        return flushed(np.array((*force_n, *cross(self.com_m, force_n))))
 
 
 class GravityCompensation:

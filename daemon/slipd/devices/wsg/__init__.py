@@ -80,7 +80,7 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
             [
                 Step("system", wire.encode(wire.SYSTEM), "optional"),
                 Step("limits", wire.encode(wire.LIMITS)),
-                *([Step("overdrive", wire.overdrive())] if overdrive else []),
+                *([Step("overdrive", wire.ALLOW_OVERDRIVE)] if overdrive else []),
                 *(Step(name, wire.update_request(_IDS[name], period_ms)) for name in list(_IDS)[3:]),
             ]
         )

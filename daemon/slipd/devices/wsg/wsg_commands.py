@@ -55,10 +55,10 @@ ANSWER_NS = 250_000_000
 ECHO_TOLERANCE_N = 0.01
 """Largest error of the force limit that was read back; it is written in the same format."""
 
-HOME = QueuedCommand("activate", None, "homing", wire.home(), wire.HOME)
+HOME = QueuedCommand("activate", None, "homing", wire.SEARCH_REFERENCE, wire.HOME)
 
 _STOP = QueuedCommand(STOP, None, "stop", wire.encode(wire.STOP), wire.STOP)
-_ACKNOWLEDGE = QueuedCommand("acknowledge", None, "acknowledgement", wire.acknowledge(), wire.ACKNOWLEDGE)
+_ACKNOWLEDGE = QueuedCommand("acknowledge", None, "acknowledgement", wire.ACKNOWLEDGEMENT, wire.ACKNOWLEDGE)
 _READ_BACK = QueuedCommand("read back", None, "force limit", wire.encode(wire.GET_FORCE), wire.GET_FORCE)
 _SUCCESS = {
     wire.PREPOSITION: (wire.OK, wire.PENDING, wire.ABORTED, wire.AXIS_BLOCKED),

@@ -141,29 +141,24 @@ def preposition(width_mm: float, speed_mmps: float) -> bytes:
     return encode(PREPOSITION, GOAL_FIELDS.pack(CLAMP_ABSOLUTE, width_mm, speed_mmps))
 
 
-def home() -> bytes:
-    """Return the command to search for the reference, in the direction set in the gripper."""
-    return encode(HOME, b"\0")
+SEARCH_REFERENCE = encode(HOME, b"\0")
+"""Command to search for the reference, in the direction set in the gripper."""
 
+ACKNOWLEDGEMENT = encode(ACKNOWLEDGE, b"ack")
+"""Acknowledgement of a fault or fast stop."""
 
-def acknowledge() -> bytes:
-    """Return the acknowledgement of a fault or fast stop."""
-    return encode(ACKNOWLEDGE, b"ack")
+ALLOW_OVERDRIVE = encode(OVERDRIVE, b"\1")
+"""Command that allows forces above the nominal one.
+
+Sources: MaKaNu/WSGToolbox at 1d27ea1, ``@wsg50/overdrive.m``: one byte, 1 for on and 0 for off. The Robotics Library
+agrees on id and bit 0 (roboticslibrary/rl at 91df9f2, ``src/rl/hal/WeissWsg50.cpp``, ``doOverdriveMode``, which writes
+the bit into the length by mistake).
+"""
 
 
 def set_force(newtons: float) -> bytes:
     """Return the command that sets the force limit, N of both fingers together."""
     return encode(SET_FORCE, F32.pack(newtons))
-
-
-def overdrive() -> bytes:
-    """Return the command that allows forces above the nominal one.
-
-    Sources: MaKaNu/WSGToolbox at 1d27ea1, ``@wsg50/overdrive.m``: one byte, 1 for on and 0 for off. The Robotics
-    Library agrees on id and bit 0 (roboticslibrary/rl at 91df9f2, ``src/rl/hal/WeissWsg50.cpp``, ``doOverdriveMode``,
-    which writes the bit into the length by mistake).
-    """
-    return encode(OVERDRIVE, b"\1")
 
 
 def update_request(update_id: int, period_ms: int) -> bytes:

@@ -44,14 +44,10 @@ class Publisher(Listener):
     Args:
         endpoint: See `slipd.io.zmtp.listener.Listener`.
         access: Who may connect.
-
-    Attributes:
-        published: Number of published messages.
     """
 
     def __init__(self, endpoint: str, access: Access = USER_ALONE) -> None:
         super().__init__(endpoint, _RULES, access)
-        self.published = 0
         self._last: dict[tuple[str, str], tuple[bytes, bytes]] = {}  # what was silent for longest comes first
         self._wanted: dict[Peer, set[bytes]] = {}
         self._readers: dict[str, dict[Peer, None]] = {}  # subscribers of each topic
@@ -69,7 +65,6 @@ class Publisher(Listener):
         message = topic.encode(), payload
         self._last.pop((topic, finger), None)
         self._last[topic, finger] = message
-        self.published += 1
         readers = self._readers.get(topic)
         if readers is None:
             readers = self._readers[topic] = {

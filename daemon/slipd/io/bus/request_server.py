@@ -60,12 +60,6 @@ class RequestServer(Listener):
         requesters: Keys that may send requests, among those that may connect; None: all may.
         per_second: Requests per second of one client: of a key or, without keys, of a connection. A connection that
             replaces another of the same process inherits its allowance.
-
-    Attributes:
-        malformed: Number of malformed requests.
-        busy: Number of requests beyond the rate limit.
-        unanswered: Number of those without an answer; each ended the connection of its client.
-        undelivered: Number of replies to clients that were gone or did not read.
     """
 
     def __init__(
@@ -78,10 +72,6 @@ class RequestServer(Listener):
         per_second: float = PER_SECOND,
     ) -> None:
         super().__init__(endpoint, _RULES, access, min(MOST_SHARE, max(SHARE, per_second * REQUEST_S)))
-        self.malformed = 0
-        self.busy = 0
-        self.unanswered = 0
-        self.undelivered = 0
         self._on_request = on_request
         self._requesters = requesters
         self._clients: dict[bytes, Peer] = {}
@@ -92,10 +82,10 @@ class RequestServer(Listener):
         self._refusals = RateLimit(per_second)
 
     def reply(self, client: bytes, body: dict[str, Any]) -> None:
-        """Send a reply; a client that is gone or does not read is counted, not an error."""
+        """Send a reply; that a client is gone or does not read is no error."""
         peer = self._clients.get(client)
-        if peer is None or not peer.send((*_envelope(peer), encode(body))):
-            self.undelivered += 1
+        if peer is not None:
+            peer.send((*_envelope(peer), encode(body)))
 
     def on_ready(self, peer: Peer) -> None:
         """Identify a client; of two connections with the same identity only the first is served."""
@@ -117,8 +107,7 @@ class RequestServer(Listener):
         try:
             body = _decode(frames, _envelope(peer))
         except MessageError as error:
-            if self._is_within_rate(peer, None):
-                self.malformed += 1
+            self._is_within_rate(peer, None)
             self._reply_error(client, None, error)
             return
         if not self._is_within_rate(peer, body.get("op")):
@@ -130,7 +119,7 @@ class RequestServer(Listener):
             self._on_request(client, body)
 
     def _is_within_rate(self, peer: Peer, op: object) -> bool:
-        """Return whether a client may send this request now.
+        """Return whether a client may send this request now, and count it.
 
         Raises:
             ProtocolError: It exceeded the rate too often.
@@ -141,9 +130,7 @@ class RequestServer(Listener):
             return True
         if isinstance(op, str) and op in URGENT_OPS and self._urgent.allows(account, now_ns):
             return True
-        self.busy += 1
         if not self._refusals.allows(account, now_ns):
-            self.unanswered += 1
             raise ProtocolError("it keeps sending too many requests after the error")
         return False
 

@@ -27,8 +27,8 @@ def floats(*numbers: float) -> bytes:
     [
         (wire.encode(0x06), "AA AA AA 06 00 00 97 26"),
         (wire.encode(0x01, b"\x12\x34"), "AA AA AA 01 02 00 12 34 6D 66"),
-        (wire.home(), "AA AA AA 20 01 00 00 8F 83"),
-        (wire.acknowledge(), "AA AA AA 24 03 00 61 63 6B DC B9"),
+        (wire.SEARCH_REFERENCE, "AA AA AA 20 01 00 00 8F 83"),
+        (wire.ACKNOWLEDGEMENT, "AA AA AA 24 03 00 61 63 6B DC B9"),
         (wire.encode(wire.STOP), "AA AA AA 22 00 00 0E 76"),
         (wire.encode(0x23), "AA AA AA 23 00 00 AC 1C"),
         (wire.encode(wire.DISCONNECT), "AA AA AA 07 00 00 35 4C"),
@@ -49,7 +49,7 @@ def floats(*numbers: float) -> bytes:
         (wire.update_request(wire.WIDTH, 20), "AA AA AA 43 03 00 01 14 00 36 8D"),
         (wire.encode(wire.SYSTEM), "AA AA AA 50 00 00 DB 87"),
         (wire.encode(wire.LIMITS), "AA AA AA 53 00 00 3D 38"),
-        (wire.overdrive(), "AA AA AA 37 01 00 01 04 8D"),
+        (wire.ALLOW_OVERDRIVE, "AA AA AA 37 01 00 01 04 8D"),
     ],
 )
 def test_worked_frames_are_written(made: bytes, sent: str) -> None:

@@ -70,7 +70,7 @@ COURSES: dict[str, tuple[Steps, float, set[str]]] = {
         [(0, to(0.0), PENDING), (100, ANEW, []), (100, to(0.0), NOT_READY)], 60.0, {"target_reached", "fast_stop"},
     ),
     "until that is acknowledged": (
-        [(0, ANEW, []), (100, wire.acknowledge(), [(wire.ACKNOWLEDGE, wire.OK)]), (100, to(50.0), PENDING)],
+        [(0, ANEW, []), (100, wire.ACKNOWLEDGEMENT, [(wire.ACKNOWLEDGE, wire.OK)]), (100, to(50.0), PENDING)],
         *(60.0, {"moving"}),
     ),
     "who takes leave does not": (
@@ -96,7 +96,7 @@ def test_it_moves_and_says_how_it_ended(gripper: Gripper, course: str) -> None:
 def test_a_gripper_without_reference_must_be_homed_first() -> None:
     gripper = Gripper()
     assert ask(gripper, to(0.0)) == NOT_READY
-    assert ask(gripper, wire.home()) == [(wire.HOME, wire.PENDING)]
+    assert ask(gripper, wire.SEARCH_REFERENCE) == [(wire.HOME, wire.PENDING)]
     assert gripper.advance(1000 * MS) == [sim.encode_reply(wire.HOME)]
     assert (gripper.width_mm, gripper.words) == (LIMITS.stroke_mm, {"referenced"})
 
@@ -105,7 +105,7 @@ def test_a_gripper_without_reference_must_be_homed_first() -> None:
 @pytest.mark.parametrize("overdrive", [False, True])
 def test_a_force_beyond_its_limits_is_refused(gripper: Gripper, newtons: float, status: int, overdrive: bool) -> None:
     if overdrive:
-        assert ask(gripper, wire.overdrive()) == [(wire.OVERDRIVE, wire.OK)]
+        assert ask(gripper, wire.ALLOW_OVERDRIVE) == [(wire.OVERDRIVE, wire.OK)]
         newtons *= 1.5 if newtons > LIMITS.min_force else 1.0
     assert ask(gripper, wire.set_force(newtons)) == [(wire.SET_FORCE, status)]
     known = wire.parse_number(told(gripper, wire.encode(wire.GET_FORCE)))
