@@ -12,10 +12,10 @@ from slipd.finger.finger import Finger
 from slipd.finger.force_image_check import COMPARE_NS
 from slipd.finger.image_channel import ImageChannel
 from slipd.fusion import contact_from_wrench
-from slipd.fusion.held_pad import HeldPad, pad_use, tipping_edges, twist_net
+from slipd.fusion.held_pad import HeldPad, tipping_edges, twist_net
 from slipd.fusion.levels import ContactWatch
 from slipd.fusion.motion_limits import nearest_limit, worst_turn
-from slipd.fusion.motion_scale import check_points, follow_gravity, largest_scale
+from slipd.fusion.motion_scale import check_points, follow_gravity, largest_scales
 from slipd.fusion.object_swing import swing_excess
 from slipd.fusion.streaming import move_to_pad, new_readings
 from slipd.grasp.swing_estimate import SwingEstimate
@@ -80,17 +80,16 @@ def _advise_motion(x: Array, y: Array, loads: Array) -> None:
     """Find the limits of the motion of an object between two pads."""
     net, halves = twist_net(x, y, loads, 0.005, 0.005), np.full(2, 0.5)
     twists, edges = (
-        np.vstack((net, np.zeros(net.shape[1]))),
+        net,
         tipping_edges(x[[0, 1, 3, 2]], y[[0, 1, 3, 2]], 0.0, 0.0, 0.005),
     )
     pad = HeldPad(
         np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3), 1.0, halves, halves, halves, 0.5, 1.0, twists, edges
     )
     each, rest = np.empty(net.shape[1]), np.zeros((1, 6))
-    pad_use(pad, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.5, each)
     nearest_limit(pad, rest[0], 1.5, 3.0, np.empty(3))
     worst_turn(pad, np.zeros(3), 9.81, np.empty(3))
-    largest_scale(pad, pad, rest[0], rest[0], 1.5, 1.0, each)
+    largest_scales(pad, pad, rest[0], rest, 1.5, 1.0, each, np.empty(1))
     check_points(pad, pad, rest, rest, 1.5, each)
     follow_gravity(np.zeros((1, 10)), np.zeros(3), np.empty((1, 3)))
     swing_excess(np.zeros(1), np.zeros(1), 30.0, 0.0, np.empty((2, 1)))

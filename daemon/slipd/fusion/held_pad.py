@@ -31,8 +31,13 @@ TIPPING_DIRECTIONS = 16
 LEAST_LEVER = 0.02
 """The lever of friction against a spin shrinks as the centroid comes near an edge, by the part of the way that it went;
 not below this."""
+LEAST_ROOM_M = 1e-9
+"""Room of an edge that the centroid has reached, so that quotients stay finite."""
 MOST = 1e9
 """Stands for what nothing holds, so that comparisons and sums stay finite."""
+ROUNDING = 1.0 + 1e-9
+"""Factor on a bound, so that rounding does not bring it below what it bounds."""
+Triple = tuple[float, float, float]
 
 
 class HeldPad(NamedTuple):
@@ -49,9 +54,8 @@ class HeldPad(NamedTuple):
         mass: Least and largest mass, shape (2,), kg.
         mu: Low bound of static friction.
         spin_scale: How many times as much friction a spin uses.
-        twists: v (2) of the centroid, ω, μ D(q) and the noise of the load's power of each twist, shape (5, k).
-        edges: Outward direction (2), room for the contact centroid to move, and distance of the edge from the middle of
-            the contact, m, of each edge, shape (4, e).
+        twists: v (2) of the centroid, ω and the noise of the load's power of each twist, over μ D(q), shape (4, k).
+        edges: As of `tipping_edges`, shape (4, e).
     """
 
     turn: Array
@@ -68,6 +72,15 @@ class HeldPad(NamedTuple):
     edges: Array
 
 
+def _even_directions() -> Array:
+    height = (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS
+    around, flat = np.arange(DIRECTIONS) * math.pi * (3.0 - math.sqrt(5.0)), np.sqrt(1.0 - height**2)
+    return np.stack((flat * np.cos(around), flat * np.sin(around), height))
+
+
+_EVEN = _even_directions()
+
+
 def twist_net(x: Array, y: Array, shares: Array, cx: float, cy: float) -> Array:
     """Return twists that could begin, and what friction dissipates in each.
 
@@ -81,15 +94,14 @@ def twist_net(x: Array, y: Array, shares: Array, cx: float, cy: float) -> Array:
     Returns:
         v (2) of the centroid, ω and D(q) of each, shape (4, k), in m/s, rad/s and N·m/s up to a common factor.
     """
-    lever = max(float(shares @ np.hypot(x - cx, y - cy)), 1e-6)
-    height = (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS
-    around, flat = np.arange(DIRECTIONS) * math.pi * (3.0 - math.sqrt(5.0)), np.sqrt(1.0 - height**2)
-    even = np.stack((flat * np.cos(around), flat * np.sin(around), height / lever))
-    hinges = np.argsort(-shares, kind="stable")[:HINGES]
-    about = np.stack((y[hinges] - cy, cx - x[hinges], np.ones(hinges.size))) / lever
-    net = np.empty((4, DIRECTIONS + hinges.size))
-    net[:3] = np.concatenate((even, about), axis=1)
-    dissipate(x - cx, y - cy, shares, net)
+    x, y, hinges = x - cx, y - cy, np.argsort(-shares, kind="stable")[:HINGES]
+    net = np.ones((4, DIRECTIONS + hinges.size))
+    net[:3, :DIRECTIONS] = _EVEN
+    net[0, DIRECTIONS:], net[1, DIRECTIONS:] = y[hinges], -x[hinges]
+    lever = max(float(shares @ np.hypot(x, y)), 1e-6)
+    net[2] /= lever
+    net[:2, DIRECTIONS:] /= lever
+    dissipate(x, y, shares, net)
     return net
 
 
@@ -105,8 +117,9 @@ def dissipate(x: Array, y: Array, shares: Array, net: Array) -> None:
         net[3, k] = total
 
 
+@compiled
 def tipping_edges(x: Array, y: Array, cx: float, cy: float, half_pitch_m: float) -> Array:
-    """Return the edges over which a contact could tip, as in `HeldPad`.
+    """Return the edges over which a contact could tip.
 
     Args:
         x: Corners of the outline of the loaded taxels, counter-clockwise, shape (n,), m.
@@ -114,15 +127,30 @@ def tipping_edges(x: Array, y: Array, cx: float, cy: float, half_pitch_m: float)
         cx: Contact centroid, m.
         cy: Likewise.
         half_pitch_m: The outline may lie so much further out, because a taxel senses over a cell.
+
+    Returns:
+        Of each edge, shape (4, e): the outward direction (2) over the room that the contact centroid has, 1/m; the part
+        of the way from the middle of the contact that the centroid has gone, 1 or more where it has begun to tip; and
+        the part that is left.
     """
-    angles = np.arange(TIPPING_DIRECTIONS) * (2.0 * math.pi / TIPPING_DIRECTIONS)
-    sides = np.stack((np.roll(y, -1) - y, x - np.roll(x, -1)), axis=1)
-    lengths = np.hypot(sides[:, 0], sides[:, 1])
-    along = sides[lengths > 0.0] / lengths[lengths > 0.0, None]
-    outward = np.concatenate((along, np.stack((np.cos(angles), np.sin(angles)), axis=1)))
-    reach = (outward @ np.stack((x, y))).max(axis=1) + half_pitch_m
-    middle = outward @ np.array(((x.min() + x.max()) / 2.0, (y.min() + y.max()) / 2.0))
-    return np.vstack((outward.T, reach - outward @ np.array((cx, cy)), reach - middle))
+    count, edges = x.size, np.empty((4, x.size + TIPPING_DIRECTIONS))
+    middle_x, middle_y = 0.5 * (x.min() + x.max()), 0.5 * (y.min() + y.max())
+    for k in range(edges.shape[1]):
+        angle = (k - count) * (2.0 * math.pi / TIPPING_DIRECTIONS)
+        ux, uy = math.cos(angle), math.sin(angle)
+        if k < count:
+            after = (k + 1) % count
+            length = math.hypot(x[k] - x[after], y[k] - y[after])
+            if length > 0.0:  # else an outline of one taxel
+                ux, uy = (y[after] - y[k]) / length, (x[k] - x[after]) / length
+        far = -math.inf
+        for i in range(count):
+            far = max(far, ux * x[i] + uy * y[i])
+        far += half_pitch_m
+        room, reach = far - ux * cx - uy * cy, far - ux * middle_x - uy * middle_y
+        least = max(room, LEAST_ROOM_M)
+        edges[0, k], edges[1, k], edges[2, k], edges[3, k] = ux / least, uy / least, 1.0 - room / reach, least / reach
+    return edges
 
 
 @compiled
@@ -135,22 +163,42 @@ def turned(turn: Array, x: float, y: float, z: float) -> tuple[float, float, flo
     )
 
 
-@compiled_sum
-def pad_use(
-    pad: HeldPad, felt: tuple[float, float, float], couple: tuple[float, float, float], safety: float, each: Array
-) -> tuple[float, float, float, bool]:
-    """Find how much of what a pad holds a motion uses, with the worst of what is not known.
+class Moved(NamedTuple):
+    """The load of a pad in a motion. Vectors are in the pad frame.
+
+    Attributes:
+        normal: Normal force, N.
+        tipped: Normal force without which the contact would tip, N.
+        over: Part of the way to an edge that the contact centroid goes.
+        begun: The contact has begun to tip already now.
+        load: Tangential force (2) and spin about the contact centroid, N and N·m, by the mean of mass and shares.
+        more: What a kg more adds to it.
+        pull: Tangential part of the specific force, shape (2,), m/s².
+        wide_kg: How far the mass may be off.
+        apart_kg: How far the share of the tangential force may be off, times the mass.
+        unsure_nm: How far the spin may be off for other reasons.
+    """
+
+    normal: float
+    tipped: float
+    over: float
+    begun: bool
+    load: Triple
+    more: Triple
+    pull: tuple[float, float]
+    wide_kg: float
+    apart_kg: float
+    unsure_nm: float
+
+
+@compiled
+def moved_load(pad: HeldPad, felt: Triple, couple: Triple) -> Moved:
+    """Return the load of a pad in a motion.
 
     Args:
         pad: The pad.
         felt: Change of the specific force at the centre of mass from that of the load, in the gripper frame, m/s².
         couple: Moment of inertia of a kg about the centre of mass times −α, in the gripper frame, m²/s².
-        safety: Factor on the load; of tipping on its change.
-        each: Working memory, of the length of `twists` or longer.
-
-    Returns:
-        The utilisation; the normal force that would hold the motion with the safety, N; the normal force then, N; and
-        whether tipping asks for it.
     """
     px, py, pz = turned(pad.turn, felt[0], felt[1], felt[2])
     kx, ky, kz = turned(pad.turn, couple[0], couple[1], couple[2])
@@ -158,34 +206,86 @@ def pad_use(
     ex, ey, ez = pad.lever_error[0], pad.lever_error[1], pad.lever_error[2]
     most, mean, wide = pad.mass[1], 0.5 * (pad.mass[0] + pad.mass[1]), 0.5 * (pad.mass[1] - pad.mass[0])
     normal = pad.normal - 0.5 * pz * (most if pz > 0.0 else pad.mass[0])
-    scale, spin = pad.spin_scale, lx * py - ly * px + kz
+    spin, edges = lx * py - ly * px + kz, pad.edges
     share, part = 0.5 * (pad.shares[0] + pad.shares[1]), 0.5 * (pad.spin_shares[0] + pad.spin_shares[1])
     sx, sy = share * px, share * py
     fx, fy = pad.load[0] + mean * sx, pad.load[1] + mean * sy
     tx, ty = 0.5 * most * (ly * pz - lz * py + kx), 0.5 * most * (lz * px - lx * pz + ky)
     dx, dy = 0.5 * most * (ey * abs(pz) + ez * abs(py)), 0.5 * most * (ez * abs(px) + ex * abs(pz))
-    firm, tipped, over, least = max(normal, 1e-9), 0.0, 0.0, MOST
-    for k in range(pad.edges.shape[1]):
-        ux, uy, room, reach = pad.edges[0, k], pad.edges[1, k], pad.edges[2, k], pad.edges[3, k]
+    firm, tipped, over, gone = max(normal, 1e-9), 0.0, 0.0, 0.0
+    eased = 1.0 / firm
+    for k in range(edges.shape[1]):
+        ux, uy, way = edges[0, k], edges[1, k], edges[2, k]
         push = ux * ty - uy * tx + abs(ux) * dy + abs(uy) * dx
-        tipped, least = max(tipped, push / max(room, 1e-9)), min(least, room)
-        over = max(over, 1.0 - (room - push / firm) / reach)
-    gather = 1.0 / max(1.0 - tipped / firm, LEAST_LEVER)
-    fm = scale * gather * (pad.load[2] - (ty * fy + tx * fx) / firm + mean * part * spin)
+        tipped, over, gone = max(tipped, push), max(over, way + edges[3, k] * push * eased), max(gone, way)
+    turns = pad.spin_scale / max(1.0 - tipped / firm, LEAST_LEVER)
+    fm = turns * (pad.load[2] - (ty * fy + tx * fx) / firm + mean * part * spin)
     apart, widely = most * 0.5 * (pad.shares[1] - pad.shares[0]), 0.5 * (pad.spin_shares[1] - pad.spin_shares[0])
     unsure = most * (widely * abs(spin) + pad.spin_shares[1] * (ex * abs(py) + ey * abs(px)))
-    unsure = scale * gather * (unsure + (dy * abs(fy) + dx * abs(fx)) / firm)
-    twists, count, sm = pad.twists, pad.twists.shape[1], scale * gather * part * spin
+    unsure = turns * (unsure + (dy * abs(fy) + dx * abs(fx)) / firm)
+    more = (sx, sy, turns * part * spin)
+    return Moved(normal, tipped, over, gone >= 1.0, (fx, fy, fm), more, (px, py), wide, apart, unsure)
+
+
+@compiled_sum
+def use_of(pad: HeldPad, moved: Moved, safety: float, each: Array) -> tuple[float, float, bool]:
+    """Find how much of what a pad holds a load uses, with the worst of what is not known.
+
+    Args:
+        pad: The pad.
+        moved: The load.
+        safety: Factor on the load; of tipping on its change.
+        each: Working memory, of the length of `twists` or longer.
+
+    Returns:
+        The utilisation; the normal force that would hold the load with the safety, N; and whether tipping asks for it.
+    """
+    twists, count, (fx, fy, fm), (sx, sy, sm), (px, py) = (
+        pad.twists, pad.twists.shape[1], moved.load, moved.more, moved.pull
+    )  # fmt: skip
     for k in range(count):
         qx, qy, qw = twists[0, k], twists[1, k], twists[2, k]
-        power = abs(qx * fx + qy * fy + qw * fm) + wide * abs(qx * sx + qy * sy + qw * sm)
-        power += apart * abs(qx * px + qy * py) + unsure * abs(qw) + twists[4, k]
-        each[k] = power / twists[3, k]
+        power = abs(qx * fx + qy * fy + qw * fm) + moved.wide_kg * abs(qx * sx + qy * sy + qw * sm)
+        each[k] = power + moved.apart_kg * abs(qx * px + qy * py) + moved.unsure_nm * abs(qw) + twists[3, k]
     worst = largest(each, count)
-    used = max(worst / normal, over) if normal > 0.0 else MOST
-    if least <= 0.0:  # it has begun to tip: no grip holds
-        return min(used, MOST), 2.0 * MOST, normal, True
-    return min(used, MOST), min(safety * max(worst, tipped), MOST), normal, tipped > worst
+    used = max(worst / moved.normal, moved.over) if moved.normal > 0.0 else MOST
+    needed = 2.0 * MOST if moved.begun else min(safety * max(worst, moved.tipped), MOST)
+    return min(used, MOST), needed, moved.begun or moved.tipped > worst
+
+
+@compiled
+def pad_use(pad: HeldPad, felt: Triple, couple: Triple, safety: float, each: Array) -> tuple[float, float, float, bool]:
+    """Return the result of `use_of` for a motion as in `moved_load`, and before its last value the normal force, N."""
+    moved = moved_load(pad, felt, couple)
+    used, needed, tips = use_of(pad, moved, safety, each)
+    return used, needed, moved.normal, tips
+
+
+@compiled
+def largest_twists(pad: HeldPad) -> Triple:
+    """Return the half axes, slide and spin, of an ellipsoid that contains the twists of a pad, and the most noise."""
+    twists, slide, spin, noise, wide = pad.twists, 0.0, 0.0, 0.0, 0.0
+    for k in range(twists.shape[1]):
+        slide, spin = max(slide, math.hypot(twists[0, k], twists[1, k])), max(spin, abs(twists[2, k]))
+        noise = max(noise, twists[3, k])
+    for k in range(twists.shape[1]):
+        wide = max(wide, math.hypot(math.hypot(twists[0, k], twists[1, k]) / slide, twists[2, k] / spin))
+    return slide * wide, spin * wide, noise
+
+
+@compiled
+def most_worst(moved: Moved, twists: Triple) -> float:
+    """Return a bound of the normal force that friction needs under a load, from the result of `largest_twists`, N.
+
+    The power of a twist against a load is at most the product of both lengths, in units in which every twist of the
+    pad is at most 1 long.
+    """
+    slide, spin, noise = twists
+    (fx, fy, fm), (sx, sy, sm), (px, py) = moved.load, moved.more, moved.pull
+    slide2, spin2 = slide * slide, spin * spin
+    most = math.sqrt(slide2 * (fx * fx + fy * fy) + spin2 * fm * fm)
+    most += moved.wide_kg * math.sqrt(slide2 * (sx * sx + sy * sy) + spin2 * sm * sm)
+    return ROUNDING * (most + moved.apart_kg * slide * math.sqrt(px * px + py * py) + moved.unsure_nm * spin + noise)
 
 
 @compiled

@@ -31,33 +31,33 @@ def nearest_limit(pad: HeldPad, rest: Array, safety: float, wanted: float, direc
     mass, fx, fy, m = pad.mass[1], pad.load[0], pad.load[1], pad.load[2] * pad.spin_scale
     best, lack, wx, wy, wz = MOST, -pad.normal, 1.0, 0.0, 0.0
     for k in range(pad.twists.shape[1]):
-        power, noise = pad.twists[3, k], pad.twists[4, k]
+        noise = pad.twists[3, k]
         for corner in range(8):
             sign = 1.0 if corner % 2 == 0 else -1.0
             share, part = pad.shares[(corner // 2) % 2], pad.spin_shares[corner // 4]
             qx, qy, qw = sign * pad.twists[0, k], sign * pad.twists[1, k], sign * pad.twists[2, k]
             turns = part * qw * pad.spin_scale
-            hx, hy, hz = safety * (share * qx - turns * ly), safety * (share * qy + turns * lx), 0.5 * power
+            hx, hy, hz = safety * (share * qx - turns * ly), safety * (share * qy + turns * lx), 0.5
             hx += math.copysign(safety * abs(turns) * ey, hx)
             hy += math.copysign(safety * abs(turns) * ex, hy)
             shift = 0.5 * safety * qw * pad.spin_scale / max(pad.normal, 1e-9)  # of the pressure, under the load of now
             hx, hy, hz = hx - shift * fy * lz, hy + shift * fx * lz, hz + shift * (fy * lx - fx * ly)
             size = mass * math.sqrt(hx * hx + hy * hy + hz * hz)
-            spare = power * pad.normal - safety * (qx * fx + qy * fy + qw * m + noise + mass * turns * kz)
+            spare = pad.normal - safety * (qx * fx + qy * fy + qw * m + noise + mass * turns * kz)
             spare -= mass * (hx * px + hy * py + hz * pz)
-            lack = max(lack, (size * wanted - spare) / power)
+            lack = max(lack, size * wanted - spare)
             if spare < best * size:
                 best, wx, wy, wz = spare / size, hx, hy, hz
     half = 0.5 * safety
     for k in range(pad.edges.shape[1]):
-        ux, uy, room = pad.edges[0, k], pad.edges[1, k], pad.edges[2, k]
+        ux, uy, room = pad.edges[0, k], pad.edges[1, k], (1.0 - pad.edges[2, k]) / pad.edges[3, k]
         hx, hy, hz = half * ux * lz, half * uy * lz, 0.5 * room - half * (ux * lx + uy * ly)
         hx += math.copysign(half * abs(ux) * ez, hx)
         hy += math.copysign(half * abs(uy) * ez, hy)
         hz += math.copysign(half * (abs(ux) * ex + abs(uy) * ey), hz)
         size = mass * math.sqrt(hx * hx + hy * hy + hz * hz)
         spare = room * pad.normal - mass * (hx * px + hy * py + hz * pz + half * (ux * ky - uy * kx))
-        lack = max(lack, (size * wanted - spare) / room) if room > 0.0 else MOST
+        lack = max(lack, size * wanted - spare) if room > 0.0 else MOST
         if spare < best * size:
             best, wx, wy, wz = spare / size, hx, hy, hz
     length = math.sqrt(wx * wx + wy * wy + wz * wz)
@@ -93,21 +93,22 @@ def worst_turn(pad: HeldPad, felt: Array, gravity: float, out: Array) -> float:
                 sign = 1.0 if corner % 2 == 0 else -1.0
                 share, part = pad.shares[(corner // 2) % 2], pad.spin_shares[corner // 4]
                 qx, qy, qw = sign * pad.twists[0, k], sign * pad.twists[1, k], sign * pad.twists[2, k]
-                turns, power = part * qw * pad.spin_scale, pad.twists[3, k]
+                turns = part * qw * pad.spin_scale
                 hx, hy, hz = share * qx - turns * ly, share * qy + turns * lx, 0.0
-                fixed, offset = qx * fx + qy * fy + qw * m + pad.twists[4, k], 0.0
+                fixed, offset = qx * fx + qy * fy + qw * m + pad.twists[3, k], 0.0
             else:
-                ux, uy, power = pad.edges[0, k - twists], pad.edges[1, k - twists], pad.edges[3, k - twists]
+                left = pad.edges[3, k - twists]
+                ux, uy = left * pad.edges[0, k - twists], left * pad.edges[1, k - twists]
                 hx, hy, hz = 0.5 * ux * lz, 0.5 * uy * lz, -0.5 * (ux * lx + uy * ly)
-                fixed, offset = 0.0, 1.0 - pad.edges[2, k - twists] / power
+                fixed, offset = 0.0, pad.edges[2, k - twists]
             used = 0.0
             for _ in range(2):
-                lift = hz + 0.5 * used * power
+                lift = hz + 0.5 * used
                 size = gravity / max(math.sqrt(hx * hx + hy * hy + lift * lift), 1e-12)
                 vx, vy, vz = size * hx, size * hy, size * lift
                 normal = pad.normal - 0.5 * mass * (vz - gz)
                 load = fixed + mass * (hx * (vx - gx) + hy * (vy - gy) + hz * (vz - gz))
-                used = load / (power * normal) if normal > 0.0 else MOST
+                used = load / normal if normal > 0.0 else MOST
             if used + offset > best:
                 best, bx, by, bz = used + offset, vx, vy, vz
     for j in range(3):

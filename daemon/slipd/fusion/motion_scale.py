@@ -3,9 +3,20 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from slipd.fusion.compiled import compiled
-from slipd.fusion.held_pad import MOST, HeldPad, pad_use
+from slipd.fusion.held_pad import (
+    MOST,
+    HeldPad,
+    Moved,
+    Triple,
+    largest_twists,
+    most_worst,
+    moved_load,
+    pad_use,
+    use_of,
+)
 from slipd.types.arrays import Array
 
 SCALE_STEPS = 16
@@ -29,13 +40,22 @@ def held_ratio(
         safety: As in `pad_use`.
         each: As in `pad_use`.
     """
-    felt = (rest[0] + scale * swing[0], rest[1] + scale * swing[1], rest[2] + scale * swing[2])
-    couple = (rest[3] + scale * swing[3], rest[4] + scale * swing[4], rest[5] + scale * swing[5])
+    felt, couple = _changed(rest, swing, scale)
     worst = 0.0
-    for side in range(2):
-        _, needed, normal, _ = pad_use(first if side == 0 else second, felt, couple, safety, each)
+    for needed, normal in (
+        pad_use(first, felt, couple, safety, each)[1:3],
+        pad_use(second, felt, couple, safety, each)[1:3],
+    ):
         worst = max(worst, needed / normal if normal > 0.0 else MOST)
     return worst
+
+
+@compiled
+def _changed(rest: Array, swing: Array, scale: float) -> tuple[Triple, Triple]:
+    return (
+        (rest[0] + scale * swing[0], rest[1] + scale * swing[1], rest[2] + scale * swing[2]),
+        (rest[3] + scale * swing[3], rest[4] + scale * swing[4], rest[5] + scale * swing[5]),
+    )
 
 
 @compiled
@@ -82,6 +102,37 @@ def largest_scale(
 
 
 @compiled
+def largest_scales(
+    first: HeldPad, second: HeldPad, rest: Array, swings: Array, safety: float, most: float, each: Array, out: Array
+) -> None:
+    """Find the result of `largest_scale` for several swings, shape (n, 6); fills ``out``, shape (n,)."""
+    for k in range(out.size):
+        out[k] = largest_scale(first, second, rest, swings[k], safety, most, each)
+
+
+class Worst(NamedTuple):
+    """What the points of a motion so far use at most.
+
+    Attributes:
+        used: The largest utilisation.
+        point: Its point.
+        side: Its pad, 0 or 1.
+        tips: That pad tips first.
+        lack_n: Normal force that the pads lack, negative where they have more.
+        ratio: As of `held_ratio`, without a bound.
+        tightest: The point of this ratio.
+    """
+
+    used: float
+    point: int
+    side: int
+    tips: bool
+    lack_n: float
+    ratio: float
+    tightest: int
+
+
+@compiled
 def check_points(
     first: HeldPad, second: HeldPad, rest: Array, swing: Array, safety: float, each: Array
 ) -> tuple[float, int, int, bool, float, float]:
@@ -99,31 +150,66 @@ def check_points(
         The largest utilisation; its point, its pad (0 or 1), and whether that tips; the normal force that the pads
         lack, N, negative where they have more; the largest factor on ``swing``, at most 1, with which all points hold.
     """
-    used, point, side, tips, lack, held, tightest = -1.0, 0, 0, False, -MOST, 0.0, 0
+    worst, bounds = Worst(-1.0, 0, 0, False, -MOST, 0.0, 0), (largest_twists(first), largest_twists(second))
     for k in range(rest.shape[0]):
-        felt = (rest[k, 0] + swing[k, 0], rest[k, 1] + swing[k, 1], rest[k, 2] + swing[k, 2])
-        couple = (rest[k, 3] + swing[k, 3], rest[k, 4] + swing[k, 4], rest[k, 5] + swing[k, 5])
-        for pad in range(2):
-            own, needed, normal, over = pad_use(first if pad == 0 else second, felt, couple, safety, each)
-            if own > used:
-                used, point, side, tips = own, k, pad, over
-            lack = max(lack, needed - normal)
-            ratio = needed / normal if normal > 0.0 else MOST
-            if ratio > held:
-                held, tightest = ratio, k
+        felt, couple = _changed(rest[k], swing[k], 1.0)
+        worst = _worse(worst, k, 0, first, moved_load(first, felt, couple), bounds[0], safety, each)
+        worst = _worse(worst, k, 1, second, moved_load(second, felt, couple), bounds[1], safety, each)
     scale = 1.0
-    if held > 1.0:
-        scale = largest_scale(first, second, rest[tightest], swing[tightest], safety, 1.0, each)
-        for _ in range(SCALE_PASSES):
-            lower = scale
-            for k in range(rest.shape[0]):
-                if lower > 0.0 and held_ratio(first, second, rest[k], swing[k], lower, safety, each) > 1.0:
-                    lower = largest_scale(first, second, rest[k], swing[k], safety, lower, each)
-            if lower == scale:
-                return used, point, side, tips, min(lack, MOST), scale
-            scale = lower
-        scale = 0.0
-    return used, point, side, tips, min(lack, MOST), scale
+    if worst.ratio > 1.0:
+        at = worst.tightest
+        scale = largest_scale(first, second, rest[at], swing[at], safety, 1.0, each)
+        scale = _scale_of_all(first, second, rest, swing, safety, scale, bounds, each)
+    return worst.used, worst.point, worst.side, worst.tips, min(worst.lack_n, MOST), scale
+
+
+@compiled
+def _worse(
+    worst: Worst, point: int, side: int, pad: HeldPad, moved: Moved, largest: Triple, safety: float, each: Array
+) -> Worst:
+    """Return the worst so far, with another pad at another point; a load that cannot be it is not solved."""
+    normal, most = moved.normal, most_worst(moved, largest)
+    most_needed = safety * max(most, moved.tipped)
+    if not moved.begun and normal > 0.0:
+        less = max(most / normal, moved.over) <= worst.used
+        if less and most_needed - normal <= worst.lack_n and most_needed <= worst.ratio * normal:
+            return worst
+    used, needed, tips = use_of(pad, moved, safety, each)
+    ratio = needed / normal if normal > 0.0 else MOST
+    lack_n, at = max(worst.lack_n, needed - normal), point if ratio > worst.ratio else worst.tightest
+    if used > worst.used:
+        return Worst(used, point, side, tips, lack_n, max(ratio, worst.ratio), at)
+    return Worst(worst.used, worst.point, worst.side, worst.tips, lack_n, max(ratio, worst.ratio), at)
+
+
+@compiled
+def _scale_of_all(
+    first: HeldPad, second: HeldPad, rest: Array, swing: Array, safety: float, scale: float,
+    bounds: tuple[Triple, Triple], each: Array,
+) -> float:  # fmt: skip
+    """Return the largest factor on ``swing`` with which all points hold, where that of one point is ``scale``."""
+    for _ in range(SCALE_PASSES):
+        lower = scale
+        for k in range(rest.shape[0]):
+            if lower == 0.0:
+                return 0.0
+            felt, couple = _changed(rest[k], swing[k], lower)
+            if not (
+                _holds(first, moved_load(first, felt, couple), bounds[0], safety, each)
+                and _holds(second, moved_load(second, felt, couple), bounds[1], safety, each)
+            ):
+                lower = largest_scale(first, second, rest[k], swing[k], safety, lower, each)
+        if lower == scale:
+            return scale
+        scale = lower
+    return 0.0
+
+
+@compiled
+def _holds(pad: HeldPad, moved: Moved, largest: Triple, safety: float, each: Array) -> bool:
+    """Return whether a pad holds a load; where it must hold it, without solving it."""
+    surely = not moved.begun and safety * max(most_worst(moved, largest), moved.tipped) <= moved.normal
+    return surely or use_of(pad, moved, safety, each)[1] <= moved.normal
 
 
 @compiled

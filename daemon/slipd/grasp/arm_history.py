@@ -160,7 +160,8 @@ def felt_at(place_m: Array, motions: Array) -> Array:
         place_m: The place r from the origin of the gripper frame, shape (3,).
         motions: Gravity minus acceleration, angular velocity and angular acceleration, shape (n, 9).
     """
-    turning = motions[:, 3:6]
-    inward = np.cross(turning, np.cross(turning, place_m))
-    found: Array = motions[:, :3] - np.cross(motions[:, 6:9], place_m) - inward
+    x, y, z = place_m
+    turning, crossed = motions[:, 3:6], np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))  # α @ crossed is α × r
+    inward = turning * (turning @ place_m)[:, None] - np.outer((turning**2).sum(axis=1), place_m)
+    found: Array = motions[:, :3] - motions[:, 6:9] @ crossed - inward
     return found

@@ -17,9 +17,9 @@ from slipd.config import Grasp
 from slipd.finger.finger import Finger
 from slipd.finger.trust import is_trusted
 from slipd.finger.verdict import danger_reasons
-from slipd.fusion.held_pad import MOST, HeldPad, pad_use
+from slipd.fusion.held_pad import MOST, HeldPad
 from slipd.fusion.motion_limits import nearest_limit, worst_turn
-from slipd.fusion.motion_scale import check_points, follow_gravity, largest_scale
+from slipd.fusion.motion_scale import check_points, follow_gravity, largest_scales
 from slipd.grasp.arm_history import ERROR_MPS2, ArmGravity, felt_at
 from slipd.grasp.arm_motion import ArmMotion
 from slipd.grasp.grasp_view import GraspView, Place
@@ -64,9 +64,13 @@ class _Held(NamedTuple):
     middle_m: Array
     gravity: Array
 
-    def rest(self) -> Array:
-        """Return the change of what the object feels when the arm stands still, shape (6,)."""
-        return np.concatenate((self.gravity - self.felt, np.zeros(3)))
+    def at(self, felt: Array) -> Array:
+        """Return the change to a specific force, shape (3,) or (n, 3), without a turn, shape (6,) or (n, 6)."""
+        return np.concatenate((felt - self.felt, np.zeros_like(felt)), axis=-1)
+
+    def about(self) -> Array:
+        """Return the normal of the first pad times the lever of the object, shape (3,), m."""
+        return np.cross(self.pads[0].turn[2], self.com_m - self.middle_m)
 
 
 class MotionAdvice:
@@ -128,36 +132,37 @@ class MotionAdvice:
         held = self._held(t_ns, width_m)
         if isinstance(held, str):
             return MotionLimits(held)
-        rest, directions = held.rest(), np.zeros((2, 3))
+        rest, directions = held.at(held.gravity), np.zeros((2, 3))
         found = [
             nearest_limit(pad, rest, self.safety, self.wanted_mps2, direction)
             for pad, direction in zip(held.pads, directions, strict=True)
         ]
-        ways = [*directions, *_AXES]
-        along = [self._scale(held, rest, np.concatenate((-way, np.zeros(3)))) for way in ways]
-        least = min(range(len(ways)), key=along.__getitem__)
+        ways = np.concatenate((directions, _AXES))
+        along = self._scales(held, rest, np.concatenate((-ways, np.zeros((8, 3))), axis=1), MOST_GRAVITY_MPS2)
+        least = int(np.argmin(along))
         most_mps2, way = min(along[least], *(limit for limit, _ in found)), ways[least]
-        swing = np.concatenate((-way * max(most_mps2, 1e-3), np.zeros(3)))
-        uses = [self._use(held, rest, swing, side) for side in (0, 1)]
-        side = int(uses[1][0] > uses[0][0])
-        axis = held.pads[0].turn[2]
-        spun = np.concatenate((np.cross(held.com_m - held.middle_m, axis), -(GYRATION_M**2) * axis))
-        turning = min(self._scale(held, rest, sense * spun, MOST_TURN_RADPS2) for sense in (1.0, -1.0))
-        (turn, gravity), now = self._worst_turn(held), np.zeros(6)
+        fast = held.gravity - way * max(most_mps2, 1e-3)
+        used, _, side, tips = self._worst(held, fast[None])
+        spun = np.concatenate((held.about(), GYRATION_M**2 * held.pads[0].turn[2]))
+        turning = min(self._scales(held, rest, np.array((spun, -spun)), MOST_TURN_RADPS2))
+        turns, now = np.empty((2, 3)), held.felt
+        for pad, gravity in zip(held.pads, turns, strict=True):
+            worst_turn(pad, held.felt, STANDARD_GRAVITY_MPS2, gravity)
+        turn_use, worst, _, _ = self._worst(held, turns)
         if self._view.lying is None:
-            now[:3] = felt_at(held.com_m, np.array([self._row()]))[0] - held.felt
+            now = felt_at(held.com_m, np.array([self._row()]))[0]
         limit_mps2 = max(most_mps2 - ERROR_MPS2, 0.0)
         fastest = max(self.wanted_mps2, float(np.linalg.norm(held.gravity - np.array(self._gravity.felt_mps2))))
         return MotionLimits(
             "",
             self._loads[side].finger.name,
-            uses[side][1],
-            max(self._use(held, now, np.zeros(6), pad)[0] for pad in (0, 1)),
+            self._mode(held.pads[side], fast - held.felt, used, tips=tips),
+            unbounded(self._worst(held, now[None])[0]),
             limit_mps2,
             way,
             tuple(max(limit - ERROR_MPS2, 0.0) for limit in along[2:]),
-            turn,
-            gravity,
+            unbounded(turn_use),
+            turns[worst],
             turning,
             self._grip_needed(max(lack for _, lack in found)),
             min(math.sqrt(limit_mps2 / fastest), 1.0),
@@ -192,33 +197,31 @@ class MotionAdvice:
 
     def _checked(self, held: _Held, points: Array, felt: Array, gravity: Array, *, known: bool) -> MotionCheck:
         """Return whether a motion holds; without ``known`` gravity no time scale."""
-        at_rest, rigid = np.zeros((2, len(points), 6))
-        at_rest[:, :3], rigid[:, :3] = gravity - held.felt, felt - gravity
-        rigid[:, 3:] = -(GYRATION_M**2) * points[:, 7:]
+        at_rest = held.at(gravity)
+        rigid = np.concatenate((felt - gravity, -(GYRATION_M**2) * points[:, 7:]), axis=1)
         times_s, memory = np.ascontiguousarray(points[:, 0]), _memory(held.pads)
         rest, swing = self._with_swing(held, times_s, at_rest, rigid)
         used, at, side, tips, lack, scale = check_points(*held.pads, rest, swing, self.safety, memory)
         if self._view.swing is not None and 0.0 < scale < 1.0:  # a slower motion swings otherwise
-            rest, slowed = self._with_swing(held, times_s / math.sqrt(scale), at_rest, scale * rigid)
-            scale *= check_points(*held.pads, rest, slowed, self.safety, memory)[-1]
+            slowed = self._with_swing(held, times_s / math.sqrt(scale), at_rest, scale * rigid)
+            scale *= check_points(*held.pads, *slowed, self.safety, memory)[-1]
         return MotionCheck(
             "",
             unbounded(used),
             float(points[at, 0]),
             self._loads[side].finger.name,
-            self._mode(held.pads[side], rest[at] + swing[at], used, tips=tips),
+            self._mode(held.pads[side], rest[at, :3] + swing[at, :3], used, tips=tips),
             self._grip_needed(lack),
             math.sqrt(scale) if known or scale == 1.0 else None,
         )
 
-    def _with_swing(self, held: _Held, times_s: Array, rest: Array, rigid: Array) -> Array:
-        """Return ``rest`` and ``rigid``, the ``swing`` of a rigid grip, with that of the object, shape (2, n, 6)."""
-        changes = np.stack((rest, rigid))
+    def _with_swing(self, held: _Held, times_s: Array, rest: Array, rigid: Array) -> tuple[Array, Array]:
+        """Return ``rest`` and ``rigid``, the ``swing`` of a rigid grip, with that of the object."""
         if self._view.swing is None:
-            return changes
+            return rest, rigid
         axis, felt = held.pads[0].turn[2], held.felt + rest[:, :3] + rigid[:, :3]
-        spin = (np.cross(held.com_m - held.middle_m, felt) + rigid[:, 3:]) @ axis
-        return with_swing(self._view.swing, times_s, spin, float(held.pads[0].mass.mean()), axis, changes)
+        spin = felt @ held.about() + rigid[:, 3:] @ axis
+        return with_swing(self._view.swing, times_s, spin, float(held.pads[0].mass.mean()), axis, rest, rigid)
 
     def _gravity_at_begin(self, point: Array, now: Array) -> Array | None:
         """Return gravity at the first point of a motion; None where it might point anywhere."""
@@ -259,37 +262,27 @@ class MotionAdvice:
         arm = self._gravity
         return np.array((*arm.felt_mps2, *arm.velocity_radps, *arm.acceleration_radps2))
 
-    def _scale(self, held: _Held, rest: Array, swing: Array, most: float = MOST_GRAVITY_MPS2) -> float:
-        return float(largest_scale(*held.pads, rest, swing, self.safety, most, _memory(held.pads)))
+    def _scales(self, held: _Held, rest: Array, swings: Array, most: float) -> list[float]:
+        """Return the largest factor on each of ``swings``, shape (n, 6), with which the grip holds."""
+        found = np.empty(len(swings))
+        largest_scales(*held.pads, rest, swings, self.safety, most, _memory(held.pads), found)
+        return found.tolist()
 
-    def _use(self, held: _Held, rest: Array, swing: Array, side: int) -> tuple[float, Mode]:
-        """Return the utilisation of a pad, and what would happen first."""
-        at = rest + swing
-        pad = held.pads[side]
-        used, _, _, tips = pad_use(pad, tuple(at[:3].tolist()), tuple(at[3:].tolist()), self.safety, _memory(held.pads))
-        return unbounded(used), self._mode(pad, at, used, tips=tips)
+    def _worst(self, held: _Held, felt: Array) -> tuple[float, int, int, bool]:
+        """Return the largest utilisation under specific forces, shape (n, 3); which has it, its pad, and if it tips."""
+        changes = held.at(felt)
+        found = check_points(*held.pads, changes, np.zeros_like(changes), self.safety, _memory(held.pads))
+        return found[:4]
 
-    def _mode(self, pad: HeldPad, at: Array, used: float, *, tips: bool) -> Mode:
-        """Return what would happen first on a pad whose utilisation is known."""
+    def _mode(self, pad: HeldPad, change: Array, used: float, *, tips: bool) -> Mode:
+        """Return what would happen first on a pad whose utilisation is known, under a change of the specific force."""
         if tips:
             return "tipping"
-        felt = pad.turn @ at[:3]
+        felt = pad.turn @ change
         tangential = pad.load[:2] + pad.mass.mean() * pad.shares.mean() * felt[:2]
         normal = max(pad.normal - 0.5 * pad.mass.mean() * felt[2], 1e-9)
         translation = float(np.hypot(*tangential)) / (pad.mu * normal)
         return "rotation" if "rotation" in danger_reasons(unbounded(used), translation, 0.0) else "translation"
-
-    def _worst_turn(self, held: _Held) -> tuple[float, Array]:
-        """Return the largest utilisation of any orientation at rest, and gravity in it."""
-        worst, gravity = -1.0, held.gravity
-        for pad in held.pads:
-            towards = np.zeros(3)
-            worst_turn(pad, held.felt, STANDARD_GRAVITY_MPS2, towards)
-            rest = np.concatenate((towards - held.felt, np.zeros(3)))
-            used = max(self._use(held, rest, np.zeros(6), side)[0] for side in (0, 1))
-            if used > worst:
-                worst, gravity = used, towards
-        return worst, gravity
 
     def _grip_needed(self, lack_n: float) -> float:
         """Return the grip force that is needed where the pads lack so much; inf where none would hold."""

@@ -23,6 +23,8 @@ MEMORY_READINGS = 8
 
 LEAST_SHARED_N, LEAST_SPIN_NM = 0.2, 0.002
 """A smaller tangential force, or spin, of both pads together does not show how they share it."""
+LEAST_DISSIPATED = 1e-9
+"""A spin on a single taxel meets no friction: as little instead, so that quotients stay finite."""
 
 
 class KnownContact(NamedTuple):
@@ -136,7 +138,7 @@ class PadLoad:
         return HeldPad(
             self._turn, self._turn @ com_m, np.abs(self._turn) @ com_error_m, np.array((fx, fy, spin)), self.normal_n,
             np.sort((0.5, share)), np.sort((0.5, spin_share)), mass_kg, contact.mu, contact.spin_scale,
-            np.vstack((net[:3], NET_SHARE * contact.mu * net[3], noisy)),
+            np.vstack((net[:3], noisy)) / (NET_SHARE * contact.mu * np.maximum(net[3], LEAST_DISSIPATED)),
             tipping_edges(outline.x, outline.y, cx, cy, contact.half_pitch_m),
         )  # fmt: skip
 

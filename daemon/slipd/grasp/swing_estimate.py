@@ -71,7 +71,9 @@ def spin_about(middle_m: Array, axis: Array, load: Array) -> float:
     return float(axis @ (load[3:] - np.cross(middle_m, load[:3])))
 
 
-def with_swing(swing: Swing, times_s: Array, spin: Array, mass_kg: float, axis: Array, changes: Array) -> Array:
+def with_swing(
+    swing: Swing, times_s: Array, spin: Array, mass_kg: float, axis: Array, rest: Array, rigid: Array
+) -> tuple[Array, Array]:
     """Return changes of what a rigid grip feels with the swing of the object.
 
     Args:
@@ -80,9 +82,11 @@ def with_swing(swing: Swing, times_s: Array, spin: Array, mass_kg: float, axis: 
         spin: Spin of a rigid grip at each, for a kg, along ``axis``.
         mass_kg: Mass of the object.
         axis: Direction of the line through both pads, shape (3,).
-        changes: ``rest`` and ``swing`` of `slipd.fusion.motion_scale.check_points`, shape (2, n, 6).
+        rest: As of `slipd.fusion.motion_scale.check_points`, shape (n, 6).
+        rigid: Its ``swing`` of a rigid grip, shape (n, 6).
     """
-    excess, found = np.empty((2, spin.size)), changes.copy()
+    excess, rest, swung = np.empty((2, spin.size)), rest.copy(), rigid.copy()
     swing_excess(times_s, spin, swing.rate_radps, swing.spin_nm / mass_kg, excess)
-    found[:, :, 3:] += excess[:, :, None] * axis
-    return found
+    rest[:, 3:] += np.outer(excess[0], axis)
+    swung[:, 3:] += np.outer(excess[1], axis)
+    return rest, swung

@@ -63,14 +63,16 @@ def held(right: bool) -> HeldPad:
         mass=np.array((0.2, 0.3)),
         mu=0.5,
         spin_scale=1.5,
-        twists=np.vstack((net[:3], 0.5 * net[3], 0.01 * np.abs(net[0]))),
+        twists=np.vstack((net[:3], 0.01 * np.abs(net[0]))) / (0.5 * net[3]),
         edges=tipping_edges(*corners_m, cx, cy, 0.002),
     )
 
 
 PADS = held(right=False), held(right=True)
-TIPS = PADS[1]._replace(lever=np.array((0.003, -0.002, 0.06)), edges=PADS[1].edges[:, 4::5])
+TIPS = PADS[1]._replace(lever=np.array((0.003, -0.002, 0.06)), edges=PADS[1].edges[:, 4::5].copy())
 """Hangs far below the fingers, and tips over slanting edges of the contact."""
+EACH = np.empty(PADS[0].twists.shape[1])
+PARTS = np.array((1.0, 1.0, 1.0, 0.01, 0.01, 0.01))
 STILL, TURNING = np.zeros(6), np.array((1.0, -2.0, 0.5, 0.01, -0.02, 0.015))
 
 
@@ -113,7 +115,7 @@ def test_the_worst_orientation_keeps_its_digits(pad: HeldPad, expected: tuple[fl
 def test_what_a_motion_uses_of_both_pads_keeps_its_digits(
     felt: tuple[float, ...], couple: tuple[float, ...], expected: list[tuple[float, ...]]
 ) -> None:
-    found = [pad_use(pad, felt, couple, 1.5, np.empty(PADS[0].twists.shape[1])) for pad in PADS]
+    found = [pad_use(pad, felt, couple, 1.5, EACH) for pad in PADS]
     assert np.array(found) == pytest.approx(np.array(expected), rel=1e-5)
 
 
@@ -128,20 +130,34 @@ def test_what_a_motion_uses_of_both_pads_keeps_its_digits(
 def test_how_far_a_motion_must_be_slowed_down_keeps_its_digits(
     swings: float, expected: tuple[float, ...], scales: list[float]
 ) -> None:
-    parts = np.array((1.0, 1.0, 1.0, 0.01, 0.01, 0.01))
-    rest = 0.3 * np.sin(np.arange(42.0)).reshape(7, 6) * parts
-    swing = swings * np.cos(1.7 * np.arange(42.0)).reshape(7, 6) * parts
-    each = np.empty(PADS[0].twists.shape[1])
-    assert check_points(*PADS, rest, swing, 1.5, each) == pytest.approx(expected, rel=1e-5)
-    found = [largest_scale(*PADS, rest[k], swing[k], 1.5, 2.0, each) for k in range(3)]
+    rest = 0.3 * np.sin(np.arange(42.0)).reshape(7, 6) * PARTS
+    swing = swings * np.cos(1.7 * np.arange(42.0)).reshape(7, 6) * PARTS
+    assert check_points(*PADS, rest, swing, 1.5, EACH) == pytest.approx(expected, rel=1e-5)
+    found = [largest_scale(*PADS, rest[k], swing[k], 1.5, 2.0, EACH) for k in range(3)]
     assert found == pytest.approx(scales, rel=1e-5)
-    ratios = [held_ratio(*PADS, rest[k], swing[k], scale, 1.5, each) for k, scale in enumerate(found)]
+    ratios = [held_ratio(*PADS, rest[k], swing[k], scale, 1.5, EACH) for k, scale in enumerate(found)]
     assert [0.99 <= ratio <= 1.0 for ratio in ratios] == [scale < 2.0 for scale in found]
 
 
 def test_a_motion_that_lifts_a_pad_off_is_not_held_and_the_first_such_point_is_told() -> None:
-    rest, swing, each = np.zeros((2, 6)), np.zeros((2, 6)), np.empty(PADS[0].twists.shape[1])
+    rest, swing = np.zeros((2, 2, 6))
     swing[:, 0] = -60.0
-    found = check_points(*PADS, rest, swing, 1.5, each)
+    found = check_points(*PADS, rest, swing, 1.5, EACH)
     assert found == pytest.approx((MOST, 0, 1, 0, MOST, 0.1515602), rel=1e-5)
-    assert held_ratio(*PADS, rest[0], swing[0], found[5], 1.5, each) == pytest.approx(1.0, rel=0.01)
+    assert held_ratio(*PADS, rest[0], swing[0], found[5], 1.5, EACH) == pytest.approx(1.0, rel=0.01)
+
+
+@pytest.mark.parametrize("pads", [PADS, (PADS[0], TIPS)])
+@pytest.mark.parametrize(("size", "holds"), [(0.5, True), (1.0, False), (3.0, False), (10.0, False)])
+def test_a_point_that_is_not_solved_would_not_have_been_the_worst(
+    pads: tuple[HeldPad, HeldPad], size: float, holds: bool
+) -> None:
+    rest, swing = np.random.default_rng(7).normal(size=(2, 300, 6)) * PARTS * np.array((0.1, size))[:, None, None]
+    uses = [[pad_use(pad, tuple(at[:3]), tuple(at[3:]), 1.5, EACH) for pad in pads] for at in rest + swing]
+    used, needed, normal, tips = np.array(uses).transpose(2, 0, 1)
+    worst = np.unravel_index(used.argmax(), used.shape)
+    *found, scale = check_points(*pads, rest, swing, 1.5, EACH)
+    assert found == [used[worst], *worst, tips[worst], (needed - normal).max()]
+    slowed = [[held_ratio(*pads, rest[k], swing[k], by * scale, 1.5, EACH) for k in range(300)] for by in (1.0, 1.01)]
+    assert max(slowed[0]) <= 1.0
+    assert (scale == 1.0) if holds else (max(slowed[1]) > 1.0)
