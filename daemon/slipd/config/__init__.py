@@ -34,6 +34,7 @@ from slipd.config.service_tables import (
     Requests,
     Restart,
 )
+from slipd.config.stream_checks import address_fault
 from slipd.config.stream_tables import Finger, Pad, Pose, Slip, Stream, Wrench
 
 __all__ = [
@@ -60,6 +61,7 @@ __all__ = [
     "Slip",
     "Stream",
     "Wrench",
+    "address_fault",
     "axes_of",
     "device_options",
     "hints",

@@ -143,21 +143,22 @@ def _port_fault(stream: Stream, device: Device) -> Fault | None:
     if transport not in device.transports:
         right = " or ".join(_ADDRESSES[each] for each in device.transports)
         return "port", f"must be {right} for {stream.device}, got {stream.port!r}"
-    wrong = "" if transport in ("serial", "external", "local") else _address_fault(stream.port, transport)
+    on_network = transport not in ("serial", "external", "local")  # others are checked when they are opened
+    wrong = address_fault(stream.port, needs_port=transport != "websocket") if on_network else ""
     return ("port", f"must be {_ADDRESSES[transport]}, got {stream.port!r}: {wrong}") if wrong else None
 
 
-def _address_fault(port: str, transport: str) -> str:
-    """Return what is wrong with a network address, "" if nothing is; paths and endpoints are checked when opened."""
+def address_fault(address: str, *, needs_port: bool = True) -> str:
+    """Return what is wrong with a network address such as ``udp://HOST:PORT``; "" if nothing is."""
     try:
-        parts = urlsplit(port)
+        parts = urlsplit(address)
         host, number = parts.hostname, parts.port
         (host or "").encode("idna")
     except ValueError as error:
         return f"not an address ({error})"
     if not host:
         return "no host"
-    return "no port from 1 to 65535" if number == 0 or (number is None and transport != "websocket") else ""
+    return "no port from 1 to 65535" if number == 0 or (number is None and needs_port) else ""
 
 
 def _sensor_fault(stream: Stream, device: Device) -> Fault | None:

@@ -87,8 +87,10 @@ class Installed:
 
 def find_device(name: str) -> Installed | None:
     """Return what is installed by the name of a device; None if nothing is. Only that device is loaded."""
-    if name in DEVICES and name in _modules():
-        return Installed(name, SLIPD, __version__, DEVICES[name])
+    if name in _modules():
+        device = getattr(import_module(f"slipd.devices.{name}"), "DEVICE", None)
+        if isinstance(device, Device):  # and not the folder of shared parts
+            return Installed(name, SLIPD, __version__, device)
     return _other(name) if name in providers() else None
 
 
@@ -170,14 +172,10 @@ class _Devices(Mapping[str, Device]):
     """The devices that can be used, by name; a lookup loads only that device, iteration loads all."""
 
     def __getitem__(self, name: str) -> Device:
-        device: object = None
-        if name in _modules():
-            device = getattr(import_module(f"slipd.devices.{name}"), "DEVICE", None)
-        elif name in providers():
-            device = _other(name).device
-        if not isinstance(device, Device):  # the folder of shared parts, or a device that cannot be used
+        found = find_device(name)
+        if found is None or found.device is None:
             raise KeyError(name)
-        return device
+        return found.device
 
     def __iter__(self) -> Iterator[str]:
         return (each.name for each in installed() if each.device is not None)

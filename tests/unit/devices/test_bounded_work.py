@@ -162,3 +162,6 @@ def test_a_reading_after_a_stretch_of_garbage_is_found_and_the_next_stretch_is_c
     for _ in range(3):
         junk = b"\x83\xa3" * FREE_TRIES + bytes(BYTES_PER_TRY)
         assert len(decoder.receive(junk + reading, 0)) == 1
+    decoder.receive(b"\x83\xa3" * 4 * FREE_TRIES, 0)
+    decoder.forget()
+    assert len(decoder.receive(b"\x83\xa3" + reading, 0)) == 1, "on a new line no place is left out"

@@ -73,11 +73,11 @@ class FrameScanner:
                 self.forget()
             self._received_ns = t_ns
         buffer = self._tail + data if self._tail else data
-        sync, measure = self._sync, self._measure
+        sync, measure, size = self._sync, self._measure, len(buffer)
         found: list[tuple[int, bool]] = []
         done = 0
         at = buffer.find(sync)
-        while at >= 0:
+        while 0 <= at < size:
             length = measure(buffer, at)
             if length == 0:
                 break
@@ -90,7 +90,7 @@ class FrameScanner:
                 at = buffer.find(sync, done)
             else:
                 at = self._seek(buffer, at + 1)
-        if done == len(buffer):
+        if done == size:
             self._tail = b""
             return buffer, found
         keep = at if at >= 0 else self._partial_sync(buffer, done)

@@ -228,6 +228,11 @@ class MsgpackScanner(FrameScanner, Generic[MessageT]):
         self.receive(data)
         return self._found
 
+    def forget(self) -> None:
+        """Drop a partial message, because the line was closed; what comes next is no part of earlier garbage."""
+        super().forget()
+        self._tries = 0
+
     def _measure_message(self, buffer: bytes, at: int) -> int:
         """Measure a message for `FrameScanner`, which calls this once per valid message, and keep its content."""
         length = self._length_at(buffer, at)

@@ -8,6 +8,7 @@ import contextlib
 import socket
 from urllib.parse import urlsplit
 
+from slipd.config import address_fault
 from slipd.devices import Inquiry
 from slipd.errors import LinkError
 from slipd.events import LinkSpec
@@ -98,15 +99,13 @@ async def connected(address: str, kind: socket.SocketKind) -> socket.socket:
         LinkError: The address is invalid, or nothing answers there.
     """
     host, port = host_and_port(address)
-    if port is None:
-        raise LinkError(f"{address}: has no port; a valid address is {address.rstrip('/')}:49152")
     try:
         async with asyncio.timeout(OPEN_TIMEOUT_S):
             return await _first(host, port, kind)
     except TimeoutError:
         reason = f"no answer within {OPEN_TIMEOUT_S:g} s"
-    except (OSError, UnicodeError) as error:  # UnicodeError: a part of the host name is empty or too long
-        reason = f"cannot be reached ({getattr(error, 'strerror', None) or error})"
+    except OSError as error:
+        reason = f"cannot be reached ({error.strerror or error})"
     raise LinkError(f"{address}: {reason}; switch the device on, or correct the address")
 
 
@@ -126,24 +125,17 @@ async def _first(host: str, port: int, kind: socket.SocketKind) -> socket.socket
     raise failure
 
 
-def host_and_port(address: str) -> tuple[str, int | None]:
-    """Parse an address such as ``udp://HOST:PORT``; an IPv6 address as host is in brackets.
-
-    Returns:
-        Host, and port or None.
+def host_and_port(address: str) -> tuple[str, int]:
+    """Return host and port of an address such as ``udp://HOST:PORT``; an IPv6 address as host is in brackets.
 
     Raises:
-        LinkError: The address has no host, or an impossible port.
+        LinkError: The address has no host, or no possible port.
     """
-    scheme = address.partition("://")[0]
-    try:
-        parts = urlsplit(address)
-        host, port = parts.hostname, parts.port
-    except ValueError as error:
-        raise LinkError(f"{address}: not an address ({error}); a valid one is {scheme}://192.168.1.1:49152") from error
-    if not host:
-        raise LinkError(f"{address}: has no host; a valid address is {scheme}://192.168.1.1:49152")
-    return host, port
+    if fault := address_fault(address):
+        scheme = address.partition("://")[0]
+        raise LinkError(f"{address}: {fault}; a valid one is {scheme}://192.168.1.1:49152")
+    parts = urlsplit(address)
+    return parts.hostname or "", parts.port or 0
 
 
 async def inquire(address: str, inquiry: Inquiry) -> bytes:
