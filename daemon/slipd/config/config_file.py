@@ -19,7 +19,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from slipd.config.checks import semantic_faults
-from slipd.config.model import Config, table_model
+from slipd.config.model import Config, table_model, tables_with
 from slipd.errors import ConfigError, ConfigFault
 from slipd_client.paths import trust_faults, user_name
 
@@ -30,6 +30,9 @@ _TYPE_RULES = {
     "bool_type": "must be true or false",
     "string_type": "must be a text in quotes",
     "list_type": "must be a list",
+    "dict_type": "must be a table",
+    "model_type": "must be a table",
+    "string_too_short": "must not be empty",
 }
 """Type of a fault that pydantic finds → rule."""
 
@@ -51,6 +54,18 @@ _MARKED = re.compile(r"=.*#.*\bMEASURE\b")
 
 _DECIMAL_COMMA = re.compile(r"^\s*([A-Za-z0-9_-]+)\s*=\s*([-+]?\d+),(\d+)\s*(?:#.*)?$")
 
+_SLIPS_OF_THE_PEN = (
+    (re.compile("[“”„‘’]"), 'quotes must be straight: "'),
+    (re.compile(r"^\s*[A-Za-z0-9_-]+\s*:"), 'a key and its value must be joined by "=", not ":"'),
+    (re.compile(r"""=\s*("[^"]*|'[^']*)$"""), "the closing quote is missing"),
+)
+"""What a line that is not TOML looks like, and what is wrong with it."""
+
+ENCODING = "utf-8-sig"
+"""UTF-8; the byte-order mark that some editors write first is left out."""
+
+NO_FINGER = "is missing: each finger needs a table [finger.NAME]; `slipd config show demo` prints an example"
+
 
 def load(path: Path) -> Config:
     """Read a config file that no other user may change (see `slipd_client.paths`).
@@ -59,19 +74,24 @@ def load(path: Path) -> Config:
         ConfigError: The file cannot be read, other users may change it, or it has faults; the error lists them all.
     """
     try:
-        text = path.read_bytes().decode()  # read_text would turn CRLF into LF
+        data = path.read_bytes()  # read_text would turn CRLF into LF
         untrusted = trust_faults(path)
-    except (OSError, UnicodeDecodeError) as error:
+    except OSError as error:
         raise ConfigError(str(path), [ConfigFault("", None, f"cannot be read: {_reason(error)}")]) from None
     if untrusted:
         raise ConfigError(str(path), [ConfigFault("", None, fault) for fault in untrusted])
+    try:
+        text = data.decode(ENCODING)
+    except UnicodeDecodeError as error:
+        at = data.count(b"\n", 0, error.start) + 1
+        raise ConfigError(str(path), [ConfigFault("", at, "cannot be read: it is not UTF-8 text")]) from None
     return parse(text, str(path))
 
 
-def _reason(error: OSError | UnicodeDecodeError) -> str:
+def _reason(error: OSError) -> str:
     if isinstance(error, PermissionError):
         return f"{error.strerror} for user {user_name(os.geteuid())}; run chmod a+r on it, and a+x on its folders"
-    return str(error.strerror) if isinstance(error, OSError) else "it is not UTF-8 text"
+    return str(error.strerror)
 
 
 def parse(text: str, file: str) -> Config:
@@ -128,10 +148,9 @@ def explain(fault: Any) -> tuple[tuple[str, ...], str]:
     """Return key path and text of a fault, which is an entry of ``ValidationError.errors()``."""
     path = tuple(str(part) for part in fault["loc"])
     if fault["type"] == "extra_forbidden":
-        known = _keys_beside(path)
-        near = difflib.get_close_matches(path[-1], known, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(known)}"
-        return path, f"unknown key; {hint}"
+        return path, f"unknown key; {_hint(path)}"
+    if path == ("finger",) and fault["type"] in ("missing", "too_short"):
+        return path, NO_FINGER
     if fault["type"] == "missing":
         return path, "is missing"
     if fault["type"] == "value_error":  # one of our own, whose text is complete
@@ -151,9 +170,13 @@ def _rule(kind: str, context: Mapping[str, Any]) -> str:
     return _TYPE_RULES.get(kind, "")
 
 
-def _keys_beside(path: tuple[str, ...]) -> list[str]:
-    """Return the keys that the table of ``path`` may hold."""
-    return sorted((table_model(path[:-1]) or Config).model_fields)
+def _hint(path: tuple[str, ...]) -> str:
+    """Return what was probably meant by an unknown key: the table that has it, a similar key, or any key beside it."""
+    if tables := tables_with(path):
+        return f"it belongs in {' or '.join(f'[{table}]' for table in tables)}"
+    known = sorted((table_model(path[:-1]) or Config).model_fields)
+    near = difflib.get_close_matches(path[-1], known, n=1)
+    return f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(known)}"
 
 
 def lines_of(text: str) -> list[str]:
@@ -181,9 +204,13 @@ def syntax_fault(text: str, error: Exception) -> tuple[int | None, str]:
     if where is None:
         return None, f"not TOML: {error}"
     at = int(where[1])
-    if match := _DECIMAL_COMMA.match(lines_of(text)[at - 1]):
+    line = lines_of(text)[at - 1]
+    if match := _DECIMAL_COMMA.match(line):
         key, whole, part = match.groups()
         return at, f"{key} must be written with a decimal point, got {whole},{part}: write {key} = {whole}.{part}"
+    for looks, wrong in _SLIPS_OF_THE_PEN:
+        if looks.search(line.partition("#")[0]):
+            return at, f"not TOML: {wrong}"
     if str(error).startswith(("Cannot overwrite", "Cannot declare")):
         seen: dict[tuple[str, ...], int] = {}
         for path, number in _headed(text):

@@ -37,6 +37,12 @@ def test_the_id_of_a_config_changes_with_its_text_alone() -> None:
             "levels.zzz",
             "unknown key; known here: caution, false_alarms_per_hour, hysteresis, warning",
         ),
+        ("mu = 0.5", "mass_kg = 0.1", "finger.left.mass_kg", "it belongs in [finger.left.wrench]"),
+        ("caution = 0.6", "rows = 8", "levels.rows", "it belongs in [finger.NAME.pad]"),
+        ("caution = 0.6", "positions = 8", "levels.positions", "it belongs in [grasp.pads.NAME]"),
+        ("mu = 0.5", "rate_hz = 8", "finger.left.rate_hz", "in [finger.left.wrench] or [finger.left.pad]"),
+        ("mu = 0.5", "slip = 3", "finger.left.slip", "must be a table, got 3"),
+        ('port = "/dev/gripper"', 'port = ""', "gripper.port", "must not be empty"),
         ("mu = 0.5", 'mu = "slippery"', "finger.left.mu", "must be a number, got 'slippery'"),
         ("mu = 0.5", "mu = nan", "finger.left.mu", "finite number"),
         ("mu = 0.5", "mu = -0.5", "finger.left.mu", "must be from 0.01 to 2, got -0.5"),
@@ -124,6 +130,9 @@ def test_a_text_that_is_not_toml_is_refused(text: str, at: int | None) -> None:
             "[finger.left]\nmu = 0.5\n[finger.left.pad]\ntare = [\n  1,\n]\ntare = [\n  2,\n]\n",
             (7, "finger.left.pad.tare is written twice, first in line 4; keep one of them"),
         ),
+        ("[levels]\ncaution: 0.5\n", (2, 'not TOML: a key and its value must be joined by "=", not ":"')),
+        ("a = “b”\n", (1, 'not TOML: quotes must be straight: "')),
+        ('a = 1\nb = "c\n', (2, "not TOML: the closing quote is missing")),
         ("[levels]\n[bus]\n[levels]\n", (3, "levels is written twice, first in line 1; keep one of them")),
     ],
 )
@@ -133,7 +142,9 @@ def test_a_usual_slip_of_the_pen_is_named_in_the_words_of_a_config(text: str, ex
 
 @pytest.mark.parametrize("text", ["", "[levels]\n", "finger = 3\n", "[finger]\n"])
 def test_a_config_without_a_finger_is_refused(text: str) -> None:
-    assert "finger" in [path for path, _, _ in faults(text)]
+    ((path, _, message),) = faults(text)
+    assert path == "finger"
+    assert re.match("is missing: each finger needs a table|must be a table", message)
 
 
 @pytest.mark.parametrize(
@@ -141,11 +152,13 @@ def test_a_config_without_a_finger_is_refused(text: str) -> None:
     [
         ("none.toml", "No such file"),
         (".", "Is a directory"),
-        ("latin.toml", r"latin\.toml: cannot be read: it is not UTF-8 text"),
+        ("latin.toml", r"latin\.toml:2: cannot be read: it is not UTF-8 text"),
+        ("marked.toml", "finger: is missing"),  # its byte-order mark is no fault
     ],
 )
 def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path, name: str, expected: str) -> None:
-    (tmp_path / "latin.toml").write_bytes(b"# \xe9\n")
+    (tmp_path / "latin.toml").write_bytes(b"#\n# \xe9\n")
+    (tmp_path / "marked.toml").write_bytes(b"\xef\xbb\xbf[levels]\n")
     with pytest.raises(ConfigError, match=expected):
         config.load(tmp_path / name)
 

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from slipd import config
+from slipd.config.config_file import ENCODING
 from slipd.errors import SlipdError
 from slipd.tools.commission.commission_guide import Commission
 from slipd.tools.commission.config_update import changed_text, fragment, replace_config
@@ -161,7 +162,7 @@ class TerminalHost:
             if not self._write:
                 self.say(f"{file}: not changed, as asked")
                 return Reply(None)
-            if file.read_bytes().decode() != self._text:
+            if file.read_bytes().decode(ENCODING) != self._text:
                 raise SlipdError(f"{file}: it was changed meanwhile and is left as it is; put the lines above into it")
             self._kept = replace_config(file, text, keep=self._kept is None)
         except (OSError, ValueError) as error:

@@ -11,6 +11,7 @@ from difflib import SequenceMatcher
 from pathlib import Path
 from typing import Any
 
+from slipd.config.config_file import ENCODING
 from slipd.errors import SlipdError
 
 RECORD = ".{name}.emulated"
@@ -39,7 +40,7 @@ def emulated_copy(path: Path, text: str, source: Path, addresses: Mapping[str, s
         except (OSError, ValueError):
             raise SlipdError(f"{path} exists, and no emulation wrote it: move it away, or give another --dir") from None
         _keep_changes(path, left, "before the last emulation was killed")
-    record = {"source": source.read_text(encoding="utf-8"), "copy": text, "addresses": dict(addresses)}
+    record = {"source": source.read_text(encoding=ENCODING), "copy": text, "addresses": dict(addresses)}
     for file, content in ((record_path, json.dumps(record)), (path, text)):
         file.unlink(missing_ok=True)
         file.touch(0o600, exist_ok=False)
