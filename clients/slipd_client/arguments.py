@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import difflib
 import ipaddress
 import math
 import re
 import socket
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NoReturn
 
 from slipd_client.errors import CallError
 from slipd_client.paths import publish_endpoint, requests_endpoint
@@ -89,11 +90,13 @@ class CommandParser(argparse.ArgumentParser):
     Attributes:
         default: The command that may be left out; "" where every command must be named.
         names: All of them, in a map.
+        shown: Those of this version.
         now: What to type instead of arguments of an earlier version; "" where there were none.
     """
 
     default = ""
     names: Mapping[str, object] = {}
+    shown: Sequence[str] = ()
     now = ""
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
@@ -103,7 +106,15 @@ class CommandParser(argparse.ArgumentParser):
             self.exit(2, f"{self.now}\n")
         if self.default and not known:
             args = [self.default, *args]
+        elif self.names and not known:
+            self.refuse(args[0])
         return super().parse_known_args(args, namespace)
+
+    def refuse(self, typed: str = "") -> NoReturn:
+        """Exit with the commands that there are, or with the one that was probably meant."""
+        if near := difflib.get_close_matches(typed, self.shown, n=1):
+            self.error(f"there is no command {typed!r}; did you mean {near[0]!r}?")
+        self.error(f"COMMAND must be one of {', '.join(self.shown)}" + (f", got {typed!r:.80}" if typed else ""))
 
 
 def add_connection(command: argparse.ArgumentParser, default: str | None) -> None:

@@ -93,7 +93,7 @@ class LiveView:
     def summary(self) -> str:
         """Return every finger in one line, for a log: level, utilisation and normal force."""
         parts = [
-            f"{plain(finger)} {plain(body.get('level'))} {' '.join(margin(body).split())}"
+            f"{plain(finger)} {_level(body)} {' '.join(margin(body).split())}"
             f" {quantity(body, 'normal_n', 'N' if in_newtons(body) else '', 2)}"
             for finger, body in self._fingers()
         ]
@@ -140,6 +140,12 @@ def change_line(body: dict[str, Any]) -> str:
     change = f"{plain(body.get('previous'))} → {plain(body.get('level'))}"
     line = f"{clock_time(body.get('timestamp') or 0.0)}  {plain(body.get('finger'))} {change}"
     return f"{line}  ({reasons})" if reasons else line
+
+
+def _level(body: dict[str, Any]) -> str:
+    """Return the level of a finger; "unknown" with its reasons, since without them it says nothing."""
+    level = plain(body.get("level"))
+    return f"{level} ({reasons_of(body)})" if level == "unknown" and reasons_of(body) else level
 
 
 def _size(terminal: Terminal) -> str:

@@ -9,7 +9,7 @@ import json
 import os
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from slipd_client import slipctl_parser
@@ -144,8 +144,22 @@ def _keys(chosen: argparse.Namespace) -> Keys | None:
 
 
 def _print_reply(reply: dict[str, object], *, as_json: bool) -> None:
-    lines = [f"{field}: {json.dumps(value)}" for field, value in reply.items()] or ["done"]
-    print(json.dumps(reply) if as_json else "\n".join(lines), flush=True)
+    print(json.dumps(reply) if as_json else "\n".join(_lines(reply)) or "done", flush=True)
+
+
+def _lines(reply: Mapping[str, object], indent: str = "") -> Iterator[str]:
+    """Yield the fields of a reply for people, one a line: those of a map below its name, numbers with six digits."""
+    for field, value in reply.items():
+        if isinstance(value, Mapping):
+            yield f"{indent}{field}:"
+            yield from _lines(value, indent + "    ")
+        else:
+            rounded = [_rounded(each) for each in value] if isinstance(value, list) else _rounded(value)
+            yield f"{indent}{field}: {json.dumps(rounded, ensure_ascii=False)}"
+
+
+def _rounded(value: object) -> object:
+    return float(f"{value:.6g}") if isinstance(value, float) else value
 
 
 if __name__ == "__main__":

@@ -31,14 +31,21 @@ PATIENCE_S = 60.0
 _METAVARS = {"seconds": "S", "width_m": "M", "speed_mps": "MPS"}
 """Of options; a positional argument has the name of its field."""
 
+SLIPD = (
+    *("run", "demo", "check", "service", "config", "docs", "devices", "info", "replay", "recover", "plot", "identify"),
+    *("import", "evaluate", "export", "doctor", "init", "emulate", "touch"),
+)
+"""Commands of ``slipd`` alone, to which ``slipctl`` points those who mistake one for the other."""
+
 _NOW = {
+    **{name: f"{name} is a command of slipd: slipd {name}" for name in SLIPD},
     "viewers": "slipctl viewers is now: slipctl serve foxglove",
     "relay": "slipctl relay is gone; PlotJuggler's source Foxglove Bridge gets the messages of: slipctl serve foxglove",
     "ros2": "slipctl ros2 is now: slipctl serve ros2",
     "bridge": "slipctl bridge is now: slipctl serve fleet",
     "commission": "slipctl commission is now: slipd commission FILE",
 }
-"""Commands of earlier versions, and what to type instead."""
+"""Commands of ``slipd`` and of earlier versions, and what to type instead."""
 
 REQUESTS: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "grip set": ("set the grip force", "grip.set", ("force_n",)),
@@ -243,10 +250,10 @@ def keys_directory() -> Path:
 def _commands(parent: CommandParser, prefix: str) -> Callable[[str, str], CommandParser]:
     group = parent.add_subparsers(title="commands", metavar="COMMAND")
     shown: list[str] = []
-    parent.names = group.choices
+    parent.names, parent.shown = group.choices, shown
     for name, now in _NOW.items() if not prefix else ():
         group.add_parser(name).now = now
-    parent.set_defaults(command="", refuse=lambda: parent.error(f"COMMAND must be one of {', '.join(shown)}"))
+    parent.set_defaults(command="", refuse=parent.refuse)
 
     def add(name: str, what: str) -> CommandParser:
         shown.append(name)

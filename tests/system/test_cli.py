@@ -177,8 +177,8 @@ def test_a_command_of_slipctl_is_named_to_those_who_ask_slipd_for_it(capsys: pyt
         next(each.choices for each in made._actions if isinstance(each.choices, dict))
         for made in (parser(), slipctl_parser.parser())
     )
-    assert set(SLIPCTL) >= set(other) - set(own), "all of them"
-    assert not set(SLIPCTL) & set(own), "and none of its own"
+    assert set(SLIPCTL) == set(other) - set(own), "all of them, and none of its own"
+    assert set(own) <= set(other), "slipctl names those of slipd likewise"
 
 
 def test_a_file_for_the_system_is_no_config(capsys: pytest.CaptureFixture[str]) -> None:

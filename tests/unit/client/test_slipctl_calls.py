@@ -37,8 +37,9 @@ ENVELOPE = {"v", "id", "op", "boot", "deadline_ns", "arrived_ns"}
         (["tare"], "slipctl tare: error: COMMAND must be one of take, get, undo\n"),
         (["keys"], "slipctl keys: error: COMMAND must be one of new\n"),
         (["serve"], "slipctl serve: error: COMMAND must be one of foxglove, ros2, fleet\n"),
-        (["fly"], "invalid choice"),
-        (["grip", "5"], "invalid choice"),
+        (["stauts"], "slipctl: error: there is no command 'stauts'; did you mean 'status'?\n"),
+        (["emulate", "demo"], "emulate is a command of slipd: slipd emulate\n"),
+        (["grip", "5"], "must be one of set, adjust, hold, close, open, activate, stop, ack, got '5'\n"),
         (["grip", "set"], "FORCE_N"),
         (["grip", "set", "lots"], "must be a number, got 'lots'"),
         (["grip", "set", "nan"], "finite"),
@@ -163,9 +164,9 @@ def test_tare_waits_until_it_is_taken_and_takes_the_stream_that_is_named(daemon:
 def test_friction_is_asked_for_without_the_lease_where_another_client_holds_it(daemon: Daemon, call: Call) -> None:
     """A stricter value needs none; a more lenient one is refused by the daemon."""
     daemon.handlers["lease.acquire"] = refuse("lease_held")
-    daemon.handlers["friction.set"] = lambda _: {"mu": 0.3}
+    daemon.handlers["friction.set"] = lambda _: {"mu": 0.30000000001, "left": {"μ": [None, 0.12345678]}}
     setting = ("--requests", daemon.endpoint, "friction", "set", "left")
-    assert call(*setting, "0.3") == (0, "mu: 0.3\n", "")
+    assert call(*setting, "0.3") == (0, "mu: 0.3\nleft:\n    μ: [null, 0.123457]\n", "")
     assert daemon.asked_ops == ["lease.acquire", "friction.set"]
     daemon.handlers["friction.set"] = refuse("no_lease", "acquire the lease first")
     assert call(*setting, "0.9") == (1, "", "slipctl: no_lease: acquire the lease first\n")

@@ -64,14 +64,14 @@ def test_once_shows_the_last_message_of_every_topic(
 def test_into_a_pipe_goes_each_change_and_ctrl_c_ends_it_cleanly(publisher: Publisher, slipctl: Start) -> None:
     process = slipctl("--publish", publisher.endpoint, "watch")
     publisher.wait_for(*(topic.encode() for topic in module.TOPICS))
-    publisher.send("slip.left", 1, level="stable", utilisation=0.25)
+    publisher.send("slip.left", 1, level="unknown", reasons=["stale"], utilisation=0.25)
     publisher.send_frames(b"warning", b"\xc1 no message")
     publisher.send("warning", 1, previous="stable", level="warning", reasons=["tipping"])
     publisher.send("warning", 4, previous="warning", level="slipping", reasons=[])
     lines = [process.stdout.readline() for _ in range(3)]
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=PATIENCE_S)
-    expected = r".*left stable λ 0.25.*\n.*left stable → warning  \(tipping\)\n.*left warning → slipping\n"
+    expected = r".*left unknown \(stale\) λ 0.25.*\n.*left stable → warning  \(tipping\)\n.*left warning → slipping\n"
     assert re.fullmatch(expected, "".join(lines))
     assert (process.returncode, errors) == (130, "slipctl: 2 messages of warning were missed\n")
 

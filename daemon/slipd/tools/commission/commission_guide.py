@@ -101,7 +101,7 @@ class Commission:
             try:
                 self._complete[step] = yield from work[step]()
             except Skipped:
-                yield Say(f"  left out; later: slipd commission --from {step}")
+                yield Say(f"  left out; later: slipd commission FILE --from {step}")
                 self._complete[step] = False
         yield Gravity({})
         return all(self._complete.values())
@@ -128,14 +128,16 @@ class Commission:
         return (yield from self._change(values))
 
     def _touch(self, pushes: Mapping[str, Mapping[str, Touch] | None]) -> Steps[dict[str, Findings]]:
-        guide = TouchGuide(self._rig, ReadingListener(self._rig.finger, self._rig.config_id), self._patience_s)
+        listener = ReadingListener(self._rig.finger, self._rig.config_id)
+        guide = TouchGuide(self._rig, listener, self._patience_s)
         found: dict[str, Findings] = {}
         for name, known in pushes.items():
             try:
+                yield from listener.check_config()
                 yield from take_zero(name, self._rig.finger[name])
                 found[name] = yield from guide.run(name, known)
             except Skipped:
-                yield Say(f"  finger {name} is left out; later: slipd commission --finger {name}")
+                yield Say(f"  finger {name} is left out; later: slipd commission FILE --finger {name}")
             else:
                 yield from _report(name, found[name].notes, found[name].problems)
         if not found:
@@ -240,7 +242,7 @@ class Commission:
         if wrong := [name for name, each in self._wrong_scale.items() if each]:
             return f"the forces of finger {', '.join(wrong)} are in another unit, see above"
         if self._contradicted:
-            return "with a wrong mounting, its result would be wrong too; slipd commission --from mounting"
+            return "with a wrong mounting, its result would be wrong too; slipd commission FILE --from mounting"
         return ""
 
     def _down(self) -> Steps[dict[str, tuple[float, float, float]]]:

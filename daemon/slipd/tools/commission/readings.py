@@ -83,6 +83,15 @@ class ReadingListener:
             )
             yield from choose(Prompt("readings_again", text, choices=(AGAIN, SKIP)))
 
+    def check_config(self) -> Steps[None]:
+        """See by the next messages that the daemon runs this config, before anything is asked of it.
+
+        Raises:
+            Skipped: The person chose it.
+            SlipdError: The daemon runs another config, or is silent.
+        """
+        yield from self._readings(lambda *_: False, 0.0)
+
     def leave_out_earlier(self) -> Steps[None]:
         """Leave out readings from before now, by the daemon's clock: a busy machine delivers them later.
 

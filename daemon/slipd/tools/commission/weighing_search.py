@@ -220,7 +220,7 @@ def _check_mounting(forces: Array, gravities: Array, present: Mount, findings: W
     raise Doubt(
         f"the weight fits sign {fit.sign:+d} and a rotation that is {how}, not those of the config (sign "
         f"{present.sign:+d}): either the mounting is wrong, or the poses were others than asked for. Touches decide: "
-        "slipd commission --from mounting"
+        "slipd commission FILE --from mounting"
     )
 
 

@@ -126,7 +126,7 @@ def test_a_finger_that_is_never_at_rest_is_named_with_the_noise_that_the_config_
     moves = [line for line in host.printed if "hold it still" in line]
     assert len(moves) == 4
     assert "more than 0.0005 N" in moves[0]
-    assert "slipd commission --from weight" in "\n".join(host.printed)
+    assert "slipd commission FILE --from weight" in "\n".join(host.printed)
 
 
 def test_a_daemon_that_does_not_run_the_new_config_ends_the_guide(tmp_path: Path) -> None:
@@ -180,7 +180,7 @@ def test_a_zero_that_is_refused_again_and_again_leaves_the_step_out(
     assert not follow_guide(host, "grasp")
     assert host.printed[-2:] == [
         "  given up: the zero was refused 2 times",
-        "  left out; later: slipd commission --from grasp",
+        "  left out; later: slipd commission FILE --from grasp",
     ]
 
 

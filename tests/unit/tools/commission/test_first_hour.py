@@ -76,6 +76,6 @@ def test_a_finger_that_nobody_touches_is_left_out_alone(touched: bool, tmp_path:
     host = Person(EmulatedEngine(read, read, tmp_path), read.text, only, {})
     assert not follow(Commission(read, ["left", "right"], 2.0, "restart").run(), host.respond)
     shown = [line for line in host.printed if "is left out; later" in line]
-    assert ("  finger left is left out; later: slipd commission --finger left" in shown) == (not touched)
-    assert "  finger right is left out; later: slipd commission --finger right" in shown
-    assert ("  left out; later: slipd commission --from mounting" in host.printed) == (not touched)
+    assert ("  finger left is left out; later: slipd commission FILE --finger left" in shown) == (not touched)
+    assert "  finger right is left out; later: slipd commission FILE --finger right" in shown
+    assert ("  left out; later: slipd commission FILE --from mounting" in host.printed) == (not touched)

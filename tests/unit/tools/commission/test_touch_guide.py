@@ -194,7 +194,7 @@ def test_another_config_of_the_daemon_is_refused(tmp_path: Path) -> None:
     other = charge_rig(left={"sign": -1})
     listener = ReadingListener(other.finger, other.config_id)
     with pytest.raises(SlipdError, match="the daemon runs another config"):
-        follow(TouchGuide(other, listener, 1.0).run("left"), lambda output: None if output else engine.receive())
+        follow(listener.check_config(), lambda output: engine.receive())
     with pytest.raises(SlipdError, match="Is slipd running"):
         follow(listener.collect(0.1), lambda output: None)
 
