@@ -64,10 +64,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return INTERRUPTED
     except SlipdClientError as error:
-        text = re.sub(r"`?\b([a-z]+\.[a-z]+)\b`?", _typed, str(error))
-        print(f"slipctl: {text}", file=sys.stderr)
+        print(f"slipctl: {_in_words_to_type(str(error))}", file=sys.stderr)
         return REFUSED if isinstance(error, ClientError) else WRONG
     return DONE
+
+
+def _in_words_to_type(text: str) -> str:
+    """Return a text of the daemon with what a person types in place of requests and their fields."""
+    typed = re.sub(r"`?\b([a-z]+\.[a-z]+)\b`?", _typed, text).replace("drop: true", "--drop")
+    return re.sub(r"\b(slipctl [a-z ]+) \(`\1`\)", r"\1", typed)
 
 
 def _typed(request: re.Match[str]) -> str:

@@ -77,7 +77,8 @@ def fingers_are_free_or_may_drop(intent: Intent, situation: Situation) -> Refusa
     if intent.drop or not situation.not_free:
         return None
     names = ", ".join(situation.not_free)
-    return Refusal("in_contact", f"fingers must be free, but {names} may be pressed; drop: true opens anyway", "drop")
+    pressed = f"fingers must be free, but {names} may be pressed (slipctl status says why)"
+    return Refusal("in_contact", f"{pressed}; drop: true opens anyway", "drop")
 
 
 # -- forces
