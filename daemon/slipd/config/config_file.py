@@ -55,7 +55,7 @@ _MARKED = re.compile(r"=.*#.*\bMEASURE\b")
 _DECIMAL_COMMA = re.compile(r"^\s*([A-Za-z0-9_-]+)\s*=\s*([-+]?\d+),(\d+)\s*(?:#.*)?$")
 
 _SLIPS_OF_THE_PEN = (
-    (re.compile("[“”„‘’]"), 'quotes must be straight: "'),
+    (re.compile(r"[\u2018-\u201e]"), 'quotes must be straight: "'),
     (re.compile(r"^\s*[A-Za-z0-9_-]+\s*:"), 'a key and its value must be joined by "=", not ":"'),
     (re.compile(r"""=\s*("[^"]*|'[^']*)$"""), "the closing quote is missing"),
 )

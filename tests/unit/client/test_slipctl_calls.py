@@ -128,7 +128,9 @@ def test_without_a_daemon_every_request_fails_with_a_clear_line(requests: str, c
 
 
 def test_a_refusal_names_what_to_type_for_the_request_that_it_names(daemon: Daemon, call: Call) -> None:
-    daemon.handlers["grip.set"] = refuse("not_active", "request gripper.activate with drop: true; then: slipctl grip ack (fault.ack)")
+    daemon.handlers["grip.set"] = refuse(
+        "not_active", "request gripper.activate with drop: true; then: slipctl grip ack (fault.ack)"
+    )
     typed = "slipctl: not_active: request `slipctl grip activate` with --drop; then: slipctl grip ack\n"
     assert call("--requests", daemon.endpoint, "grip", "set", "5") == (1, "", typed)
     for command in COMMANDS.values():

@@ -15,7 +15,8 @@ import os
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from http import HTTPStatus
 from pathlib import Path
 from typing import Any
@@ -36,12 +37,15 @@ BLOCK_NS = 1_000_000_000
 FRAME_NS = 33_333_333
 """Shortest time between two frames, ns: what the live view draws."""
 
+Show = Callable[[str, dict[str, Any]], None]
+"""Prints the topic and the body of a message."""
+
 SHOWN = ("slip", "tactile", "grasp", "motion", "gripper", "status")
 """Topics that the page draws, by their first word."""
 
 
 def replay_command(path: Path, speed: float | None, *, as_json: bool, publish: str | None) -> bool:
-    """Replay a recording; print changes of level, or every message as JSON.
+    """Replay a recording; print changes of level, at seconds since its begin, or every message as JSON.
 
     Args:
         path: The recording.
@@ -57,6 +61,8 @@ def replay_command(path: Path, speed: float | None, *, as_json: bool, publish: s
         SlipdError: The recording cannot be read, or the endpoint cannot be opened.
     """
     recording = open_recording(path)
+    begin_ns, _ = next(recording.events(), (0, None))
+    show = partial(_print_json if as_json else _print_change, begin_ns)
     with interruptible():
         messages = replay(recording, on_event=Pace(speed).wait_until) if speed else replay(recording)
         compile_kernels()
@@ -64,22 +70,23 @@ def replay_command(path: Path, speed: float | None, *, as_json: bool, publish: s
         pace = "in real time" if speed == 1.0 else f"at {speed:g} times real time"
         print(f"slipd: replays {pace}; as fast as possible: --speed max", file=sys.stderr, flush=True)
     if publish is not None:
-        asyncio.run(_publish(messages, publish or recording.settings().bus.publish or "", as_json=as_json))
+        asyncio.run(_publish(messages, publish or recording.settings().bus.publish or "", show, as_json=as_json))
     else:
         for topic, body in messages:
-            _print_message(topic, body, as_json=as_json)
+            show(topic, body)
     if not recording.complete:
         print(f"slipd: the recording is incomplete: {printable(recording.gap)}", file=sys.stderr)
     return recording.complete
 
 
-async def _publish(messages: Iterator[tuple[str, dict[str, Any]]], endpoint: str, *, as_json: bool) -> None:
+async def _publish(messages: Iterator[tuple[str, dict[str, Any]]], endpoint: str, show: Show, *, as_json: bool) -> None:
     """Publish a replay; the loop serves subscribers while a thread waits between messages.
 
     Args:
         messages: Topic and body of every message.
         endpoint: Where to publish; "": where a daemon of this user publishes.
-        as_json: Print every message too.
+        show: Prints a message too.
+        as_json: Standard output has nothing but messages.
     """
     from slipd.io.bus.access import RuntimeDirectory
     from slipd.io.bus.publisher import Publisher
@@ -93,17 +100,20 @@ async def _publish(messages: Iterator[tuple[str, dict[str, Any]]], endpoint: str
         print(f"publish: {publisher.endpoint}", file=sys.stderr if as_json else sys.stdout, flush=True)
         while (message := await asyncio.to_thread(next, messages, None)) is not None:
             publisher.publish(message[0], encode(message[1]))
-            _print_message(*message, as_json=as_json)
+            show(*message)
 
 
-def _print_message(topic: str, body: dict[str, Any], *, as_json: bool) -> None:
-    if as_json:
-        print(json.dumps({"topic": topic} | body, ensure_ascii=False, allow_nan=False))
-    elif topic == "warning":
+def _print_json(_: int, topic: str, body: dict[str, Any]) -> None:
+    print(json.dumps({"topic": topic} | body, ensure_ascii=False, allow_nan=False))
+
+
+def _print_change(begin_ns: int, topic: str, body: dict[str, Any]) -> None:
+    if topic == WARNING_TOPIC:
         reasons = ", ".join(body["reasons"]) or "none"
         if body["evidence"]:
             reasons += f"; moves by {', '.join(body['evidence'])}"
-        print(f"{body['t_ns'] * 1e-9:12.3f} s  {body['finger']}: {body['previous']} → {body['level']} ({reasons})")
+        at_s = (body["t_ns"] - begin_ns) * 1e-9
+        print(f"{at_s:12.3f} s  {body['finger']}: {body['previous']} → {body['level']} ({reasons})")
 
 
 def view_recording(path: Path, listen: ListenAddress) -> None:
