@@ -106,9 +106,11 @@ class MessageError(_CodedError, ValueError):
         code: The kind of fault, as in the ``error`` of a reply.
         message: What is wrong and what would be right.
         field: Dotted path of the field at fault; "" where no single field is.
+        number: ``id`` of the request that has the fault; None where it could not be read.
     """
 
     code: ErrorCode
+    number: str | int | None = None
 
 
 class KeyFileError(SlipdClientError, ValueError):

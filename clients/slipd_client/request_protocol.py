@@ -174,7 +174,7 @@ class RequestProtocol(abc.ABC):
         finally:
             self._turn.release()
         raise NoAnswer(
-            f"no answer from {self.endpoint} within {timeout_s:g} s; the request may or may not have been carried out"
+            f"no answer from {self.endpoint} within {timeout_s:.2g} s; the request may or may not have been carried out"
             f"{self._unreadable}"
         )
 

@@ -164,11 +164,16 @@ def decode(data: bytes, limits: Limits = REQUEST_LIMITS) -> dict[str, Any]:
         raise
     except ValueError as error:  # every fault msgpack finds, broken UTF-8 included
         raise MessageError(
-            "malformed", f"the bytes must be one msgpack value: {error or type(error).__name__}"
+            "malformed", f"the bytes must be one msgpack value: {str(error) or type(error).__name__}"
         ) from error
     if type(body) is not dict:
         raise MessageError("malformed", f"the message must be a map, got {type(body).__name__}")
-    _check(body, "", MAX_DEPTH)
+    try:
+        _check(body, "", MAX_DEPTH)
+    except MessageError as error:
+        if type(number := body.get("id")) in (str, int):
+            error.number = number
+        raise
     return body
 
 

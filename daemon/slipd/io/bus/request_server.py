@@ -108,7 +108,7 @@ class RequestServer(Listener):
             body = _decode(frames, _envelope(peer))
         except MessageError as error:
             self._is_within_rate(peer, None)
-            self._reply_error(client, None, error)
+            self._reply_error(client, error.number, error)
             return
         if not self._is_within_rate(peer, body.get("op")):
             self._reply_error(client, body.get("id"), MessageError("busy", "too many requests; send fewer per second"))
