@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import difflib
+import itertools
 import os
 import re
 import tomllib
@@ -19,7 +20,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from slipd.config.checks import semantic_faults
-from slipd.config.model import Config, table_model, tables_with
+from slipd.config.model import TABLES, Config, table_model
 from slipd.errors import ConfigError, ConfigFault
 from slipd_client.paths import trust_faults, user_name
 
@@ -172,11 +173,27 @@ def _rule(kind: str, context: Mapping[str, Any]) -> str:
 
 def _hint(path: tuple[str, ...]) -> str:
     """Return what was probably meant by an unknown key: the table that has it, a similar key, or any key beside it."""
-    if tables := tables_with(path):
+    if tables := _tables_with(path):
         return f"it belongs in {' or '.join(f'[{table}]' for table in tables)}"
     known = sorted((table_model(path[:-1]) or Config).model_fields)
     near = difflib.get_close_matches(path[-1], known, n=1)
     return f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(known)}"
+
+
+def _tables_with(path: tuple[str, ...]) -> list[str]:
+    """Return the tables nearest to that of a key path which have its key; [] if none has it."""
+    *table, key = path
+    found: dict[str, int] = {}
+    for name, model in TABLES.items():
+        if key in model.model_fields:
+            parts = name.split(".")
+            shared = sum(itertools.takewhile(bool, map(_same_part, parts, table)))
+            found[".".join([*table[:shared], *parts[shared:]]).replace("X", "NAME")] = shared
+    return [name for name, shared in found.items() if shared == max(found.values())]
+
+
+def _same_part(part: str, key: str) -> bool:
+    return part in ("X", key)
 
 
 def lines_of(text: str) -> list[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import itertools
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
@@ -241,22 +240,6 @@ def table_model(path: Sequence[str]) -> type[BaseModel] | None:
         if len(parts) == len(path) and all(part in ("X", key) for part, key in zip(parts, path, strict=True)):
             return model
     return None
-
-
-def tables_with(path: Sequence[str]) -> list[str]:
-    """Return the tables nearest to that of a key path which have its key; [] if none has it."""
-    *table, key = path
-    found: dict[str, int] = {}
-    for name, model in TABLES.items():
-        if key in model.model_fields:
-            parts = name.split(".")
-            shared = sum(itertools.takewhile(bool, map(_same_part, parts, table)))
-            found[".".join([*table[:shared], *parts[shared:]]).replace("X", "NAME")] = shared
-    return [name for name, shared in found.items() if shared == max(found.values())]
-
-
-def _same_part(part: str, key: str) -> bool:
-    return part in ("X", key)
 
 
 def key_path(stream_name: str) -> str:
