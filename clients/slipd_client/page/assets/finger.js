@@ -135,10 +135,14 @@ export class FingerCard {
     }
     const facts = [];
     if (!this.drawn.pad.taxels.length) facts.push("the daemon does not send where the taxels are");
-    facts.push(`darkest taxel: ${quantity(largest, 3, tactile.force_unit === "N" ? "N" : "(uncalibrated)")}`);
-    facts.push(circles.length
-      ? `circles: friction limit of each taxel, the largest ${quantity(largestLimit, 3, "N")}`
-      : "no friction circles: load or μ is unknown, or the taxels are too small");
+    if (largest === 0) {
+      facts.push("no taxel is loaded");
+    } else {
+      facts.push(`darkest taxel: ${quantity(largest, 3, tactile.force_unit === "N" ? "N" : "(uncalibrated)")}`);
+      facts.push(circles.length
+        ? `circles: friction limit of each taxel, the largest ${quantity(largestLimit, 3, "N")}`
+        : "no friction circles: load or μ is unknown, or the taxels are too small");
+    }
     if (masked.length) facts.push(`${masked.length} ${masked.length === 1 ? "taxel is" : "taxels are"} not used (×)`);
     return facts.join("; ");
   }
