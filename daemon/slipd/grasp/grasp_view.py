@@ -243,8 +243,8 @@ class HoldState:
         self._lost_ns = 0  # when it was lost; 0 while it was not
         self._releasing = False  # opening was commanded since the pads last pressed without
 
-    def update(self, levels: tuple[str, str], *, releasing: bool, t_ns: int) -> bool:
-        """Update with what is known at ``t_ns``; return whether the word changed.
+    def update(self, levels: tuple[str, str], *, releasing: bool, t_ns: int) -> None:
+        """Update with what is known at ``t_ns``.
 
         Args:
             levels: Levels of both fingers.
@@ -252,12 +252,11 @@ class HoldState:
             t_ns: Now.
         """
         word = self._next(levels, releasing=releasing)
-        changed = word != self.word or not self.since_ns
-        if changed:
-            if word == "lost":
-                self._lost_ns = self._lost_ns or t_ns
-            self.word, self.since_ns = word, self._lost_ns if word == "lost" else t_ns
-        return changed
+        if word == self.word and self.since_ns:
+            return
+        if word == "lost":
+            self._lost_ns = self._lost_ns or t_ns
+        self.word, self.since_ns = word, self._lost_ns if word == "lost" else t_ns
 
     def _next(self, levels: tuple[str, str], *, releasing: bool) -> HoldWord:
         self._releasing = self._releasing or releasing
