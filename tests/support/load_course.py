@@ -7,12 +7,14 @@ import math
 import numpy as np
 
 from slipd.config import Levels, Slip
+from slipd.fusion.assess import assess_readings
 from slipd.fusion.levels import Assessment, ContactWatch, Uncertainty
 from slipd.fusion.rows import READING, TOUCHING, Rows, new_rows
 from slipd.types.arrays import Array
 
 MU = 0.6
 NORMAL_N, STD_N = 10.0, 0.02
+NOISELESS = Uncertainty()
 
 
 def watch(settings: Slip | None = None) -> ContactWatch:
@@ -57,11 +59,20 @@ def readings(
     return contact_rows(count, pulled, pressed, used, times_s, aside_n=across)
 
 
+def assess(
+    contact: ContactWatch, rows: Rows, mu: float = MU, uncertainty: Uncertainty = NOISELESS, spin_1n: float = 0.0
+) -> None:
+    """Fill in the assessments of readings with these conditions in force."""
+    contact.set_friction(mu)
+    contact.set_uncertainty(uncertainty)
+    assess_readings(rows, contact.state, spin_1n)
+
+
 def assessed(rows: Rows, mu: float = MU, settings: Slip | None = None, std_n: float = STD_N, size: int = 0) -> Rows:
     """Return the assessments of readings, which come together, or in reads of a size."""
     contact = watch(settings)
     for first in range(0, len(rows), size or len(rows)):
-        contact.assess(rows[first : first + (size or len(rows))], mu, Uncertainty(std_n), 0.0)
+        assess(contact, rows[first : first + (size or len(rows))], mu, Uncertainty(std_n))
     return rows["assessment"]
 
 
@@ -87,7 +98,7 @@ class Watch:
         """Take a reading."""
         row = contact_rows(1, load_n, normal_n, used, self.k * 1e-3, phase)
         self.k += 1
-        self.watch.assess(row, MU, Uncertainty(), 0.0)
+        assess(self.watch, row)
         return Assessment(*row["assessment"].item(0))
 
     def step(self, used: float) -> int:

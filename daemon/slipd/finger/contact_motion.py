@@ -20,7 +20,7 @@ class ContactMotion:
 
     Attributes:
         looks_per_hour: How many independent looks it takes in an hour.
-        found: Evidence that was found since the last `take`.
+        found: Evidence that was found since the last `pop_found`.
     """
 
     def __init__(self, wrench: Wrench, image: ImageChannel) -> None:
@@ -55,8 +55,8 @@ class ContactMotion:
         """Forget the images, which cannot be used, but not what they showed."""
         self._shift.reset()
 
-    def take(self) -> list[Evidence]:
-        """Return the evidence that was found, and forget it."""
+    def pop_found(self) -> list[Evidence]:
+        """Remove and return the evidence that was found."""
         found, self.found = self.found, []
         return found
 

@@ -51,8 +51,8 @@ class Finger:
         config: ``[finger.X]``.
         force: The force sensor; None where the pad measures the force.
         image: The pad; None where there is none.
-        main: The channel that measures the force, and ``main_stream``: "wrench" or "pad".
-        tare: Its tare.
+        channels: Both by stream, "wrench" first; a stream that the finger does not have is missing.
+        main_stream: The stream that measures the force, "wrench" or "pad"; ``main``: its channel; ``tare``: its tare.
         in_newtons: Forces are in newtons, not in the unit of a pad without calibration.
         image_in_newtons: Likewise the loads of the image.
         friction: Coefficients of friction in use, and who set them.
@@ -71,7 +71,10 @@ class Finger:
         self.friction, state = self._estimator.friction, self._estimator.watch.state
         self.force = ForceChannel(wrench, state) if wrench is not None else None
         self.image = ImageChannel(pad, config) if pad is not None else None
-        self.main, self.main_stream = self.channel(None), "pad" if wrench is None else "wrench"
+        both = {"wrench": self.force, "pad": self.image}
+        self.channels = {stream: channel for stream, channel in both.items() if channel is not None}
+        self.main_stream = "pad" if wrench is None else "wrench"
+        self.main = self.channels[self.main_stream]
         self.tare = self.main.tare
         self.image_in_newtons = pad is not None and in_newtons(pad)
         self.in_newtons = wrench is not None or self.image_in_newtons
@@ -88,7 +91,7 @@ class Finger:
         self._delayed: deque[DelayedRead] = deque()
         self._newest: FingerState | VerdictBatch = FingerState(0, STREAM_STALE)
         self.level, self._is_stale = self._newest.verdict.level, True
-        self._tares = [channel.tare for channel in (self.force, self.image) if channel is not None]
+        self._tares = [channel.tare for channel in self.channels.values()]
         self._zeros = [tare.current for tare in self._tares]
         self._image_fault, self._image_teaches, self._image_until_ns = "", False, -1
         for tare in self._tares:
@@ -354,23 +357,6 @@ class Finger:
         self.level, self._is_stale = state.verdict.level, state.verdict is STREAM_STALE
         return state
 
-    def channel(self, stream: str | None) -> ForceChannel | ImageChannel:
-        """Return the channel of the stream "wrench" or "pad"; None: of the one that measures the force.
-
-        Raises:
-            ValueError: The finger has no such stream.
-        """
-        found = (self.force or self.image) if stream is None else self.force if stream == "wrench" else self.image
-        if found is None:
-            raise ValueError(f"finger {self.name} has no {stream or 'stream'}")
-        return found
-
-    @property
-    def channels(self) -> dict[str, ForceChannel | ImageChannel]:
-        """The channels by stream, "wrench" first."""
-        found = {"wrench": self.force, "pad": self.image}
-        return {stream: channel for stream, channel in found.items() if channel is not None}
-
     def is_fresh(self, stream: str, t_ns: int) -> bool:
         """Return whether readings of the stream "wrench" or "pad" came lately."""
         if stream == "wrench" or self.force is None:
@@ -400,10 +386,6 @@ class Finger:
             by: The client that asks for it.
             stream: "wrench" or "pad"; None: the one that measures the force.
             unloaded: The client states that nothing touches the finger, even if the normal force is clearly negative.
-
-        Raises:
-            ValueError: The finger has no such stream.
         """
-        channel = self.channel(stream)
         self._guard.unloaded = unloaded
-        channel.begin_tare(t_ns, seconds, by)
+        self.channels[stream or self.main_stream].begin_tare(t_ns, seconds, by)

@@ -99,7 +99,7 @@ class FingerState:
         reading: Row of READING with all that was found, shape (1,); PENDING where it is not known any more what the
             contact does; None where nothing is known.
         load_distribution: Shares of the normal force on the taxels, by the image, where the reading touches.
-        friction: What was known of the friction; None where nothing touches or the reading says nothing.
+        friction: What was known of the friction; None where nothing touches or the reading is not used.
     """
 
     t_ns: int

@@ -33,12 +33,8 @@ _UNUSABLE_IMAGES = {
 
 
 def finger_conditions(finger: Finger, stream: str, t_ns: int) -> list[Condition]:
-    """Return what people should know of the readings of the stream "wrench" or "pad" of a finger at ``t_ns``.
-
-    Raises:
-        ValueError: The finger has no such stream.
-    """
-    channel = finger.channel(stream)
+    """Return what people should know of the readings of the stream "wrench" or "pad" of a finger at ``t_ns``."""
+    channel = finger.channels[stream]
     found = force_conditions(channel, t_ns) if isinstance(channel, ForceChannel) else image_conditions(channel)
     if finger.state.verdict is PAD_PULLED and stream == finger.main_stream:
         found.append(_pulled(finger))

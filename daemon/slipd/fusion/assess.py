@@ -89,7 +89,7 @@ def assess_readings(readings: Rows, states: Rows, spin_utilisation_1n: float) ->
 
 @compiled
 def _find_nothing(found: Row) -> None:
-    """Fill in an assessment that knows nothing."""
+    """Fill in an assessment in which nothing is known."""
     found["level"], found["friction_step"], found["tipping_step"] = UNKNOWN, STABLE, STABLE
     found["utilisation_upper"], found["slips"], found["tipping_by_unknown_load"] = math.nan, False, False
     found["evidence"], found["drop_surprise"], found["required_friction"] = 0, 0.0, math.nan

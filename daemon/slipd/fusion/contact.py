@@ -56,11 +56,6 @@ class Contact(NamedTuple):
         return np.array((self.cx_m, self.cy_m))
 
     @property
-    def centroid_std_m(self) -> Array:
-        """Standard deviation of each coordinate of C, shape (2,), m."""
-        return np.array((self.cx_std_m, self.cy_std_m))
-
-    @property
     def tangential_n(self) -> Array:
         """f_t = (F_x, F_y) on the finger, shape (2,), N."""
         return np.array((self.fx_n, self.fy_n))

@@ -165,7 +165,7 @@ def _slide(rows: Rows, t_s: float, q: float, peak: float, plateau: float, noise:
         _take_sample(rows, 0, min(q, lasting), ROUGH * ROUGH + shape * shape + SCATTER * SCATTER, False)
         row["onset"], changed = 1, True
     if changed:
-        row["floor"] = 0.0  # a later slip says more than what was carried before
+        row["floor"] = 0.0  # a later slip shows more than what was carried before
     if plateau > 0.0 and t_s - row["onset_s"] <= PLATEAU_S:
         sums[0], sums[1] = sums[0] + 1.0, sums[1] + plateau
         sums[2] = max(sums[2], math.hypot(noise, shape))
@@ -234,7 +234,7 @@ def combine(rows: Rows) -> None:
     """Combine prior, samples and what was carried into the result.
 
     The stated μ is a low estimate by its definition in the config, so it is used as it stands until a slip or a
-    larger q that was carried says otherwise. A learned μ is the lower bound of the next slip: of the mean, and of the
+    larger q that was carried contradicts it. A learned μ is the lower bound of the next slip: of the mean, and of the
     scatter from slip to slip.
     """
     row = rows[0]

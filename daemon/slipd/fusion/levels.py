@@ -12,10 +12,9 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from slipd.fusion.assess import assess_readings
 from slipd.fusion.load_blocks import BLOCK_S, RING
 from slipd.fusion.load_drop import LOOKS
-from slipd.fusion.rows import BLOCK, CONDITIONS, DROP, FORCES, STABLE, WATCH, Rows, new_rows
+from slipd.fusion.rows import BLOCK, CONDITIONS, DROP, FORCES, STABLE, WATCH, new_rows
 
 CONTACT_HYSTERESIS = 0.8
 """A contact lasts down to this share of the normal force at which it begins."""
@@ -172,16 +171,3 @@ class ContactWatch:
         """Hold no step that was not reached by the load."""
         memory = self.state["memory"]
         memory["held_s"], memory["tipping_held_s"] = -math.inf, -math.inf
-
-    def assess(self, readings: Rows, mu: float, uncertainty: Uncertainty, spin_utilisation_1n: float = 0.0) -> None:
-        """Fill in the assessment of readings in sequence, with conditions that are put in force first.
-
-        Args:
-            readings: As in `slipd.fusion.assess.assess_readings`.
-            mu: Coefficient of static friction; NaN: unknown.
-            uncertainty: Of all of them.
-            spin_utilisation_1n: λ of the uncertain torque alone at a normal force of 1 N.
-        """
-        self.set_friction(mu)
-        self.set_uncertainty(uncertainty)
-        assess_readings(readings, self.state, spin_utilisation_1n)

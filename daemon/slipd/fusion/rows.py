@@ -19,7 +19,7 @@ Row = np.void
 PENDING, TOUCHING, FREE, PULLED, LATE, UNTRUSTED = range(6)
 """Phase of a reading. Kernels find TOUCHING, FREE or PULLED for those that are PENDING.
 PULLED: the normal force is clearly negative, which no contact gives. LATE: too old; ends the contact.
-UNTRUSTED: says nothing, and is passed over."""
+UNTRUSTED: shows nothing, and is skipped."""
 STABLE, CAUTION, WARNING = range(3)
 """Steps of a margin that shrinks; the level of a contact that holds is its step + 1."""
 NO_CONTACT, SLIPPING, UNKNOWN = 0, 4, 5

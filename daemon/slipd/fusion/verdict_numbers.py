@@ -20,7 +20,7 @@ MODELS = ("none", "translation", "exact")
 """What a utilisation takes into account."""
 NONE, TRANSLATION, EXACT = range(3)
 UNKNOWN_NUMBERS: list[Any] = [NONE, *(None,) * 19]
-"""What `find_numbers` gives of no reading."""
+"""What `find_numbers` returns where there is no reading."""
 
 
 @compiled

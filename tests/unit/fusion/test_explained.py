@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from load_course import MU, STD_N, line, readings, slips_at, watch
+from load_course import MU, STD_N, assess, line, readings, slips_at, watch
 
 from slipd.fusion.levels import Uncertainty
 from slipd.types.arrays import Array
@@ -43,7 +43,7 @@ def slips(
             now["felt_mps2"], now["felt_s"], now["felt_lasts_s"] = gravity, rows["t_s"][k], 0.002
         if turn_radps is not None:
             now["turn_radps"] = turn_radps[k]
-        contact.assess(rows[k : k + 1], mu, Uncertainty(STD_N))
+        assess(contact, rows[k : k + 1], mu, Uncertainty(STD_N))
     return slips_at(rows["assessment"])
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from load_course import MU, Watch, contact_rows, watch
+from load_course import MU, Watch, assess, contact_rows, watch
 
 from slipd.fusion.levels import Uncertainty
 from slipd.fusion.load_growth import GROWTH_S, GROWTH_STDS, grows
@@ -30,7 +30,7 @@ def gate() -> Watch:
 def test_another_mu_changes_the_level_at_once(gate: Watch) -> None:
     gate.step(0.9)
     rows = contact_rows(1, 0.4 * 10.0 * MU, 10.0, 0.4, 1e-3)
-    gate.watch.assess(rows, 2.0 * MU, Uncertainty(), 0.0)
+    assess(gate.watch, rows, 2.0 * MU)
     assert rows["assessment"]["friction_step"][0] == STABLE
 
 
@@ -61,7 +61,7 @@ def course(used: Array, period_s: float = 1e-3, noise_n: float = 0.02) -> Rows:
     """Return the assessed readings of a load on a contact of 10 N, with noise."""
     load = used * 10.0 * MU + np.random.default_rng(3).normal(0.0, noise_n, len(used))
     rows = contact_rows(len(used), load, 10.0, load / 10.0 / MU, np.arange(len(used)) * period_s)
-    watch().assess(rows, MU, Uncertainty(min(noise_n, 0.02)), 0.0)
+    assess(watch(), rows, MU, Uncertainty(min(noise_n, 0.02)))
     return rows
 
 
@@ -71,7 +71,7 @@ def spun(spins: Array) -> Rows:
     rows = contact_rows(len(spins), 0.0, LIGHT_N, used, np.arange(len(spins)) * 1e-3)
     rows["contact"]["spin_nm"] = spins
     rows["utilisation"]["twist"][:, 2] = np.sign(spins)
-    watch().assess(rows, MU, NOISE, 0.0)
+    assess(watch(), rows, MU, NOISE)
     return rows
 
 
@@ -114,7 +114,7 @@ def test_readings_too_far_apart_or_too_few_show_no_growth(
 def test_a_growth_within_its_noise_does_not_count() -> None:
     growing = watch()
     load = np.arange(0.3, 0.81, 0.3e-3) * MU * 10.0
-    growing.assess(contact_rows(len(load), load, 10.0, load / 10.0 / MU, np.arange(len(load)) * 1e-3), MU, NOISE, 0.0)
+    assess(growing, contact_rows(len(load), load, 10.0, load / 10.0 / MU, np.arange(len(load)) * 1e-3), MU, NOISE)
     growth = 0.3 * GROWTH_S * MU
     for stds, found in ((1.1 * GROWTH_STDS, True), (0.9 * GROWTH_STDS, False)):
         growing.state["drop"]["rough"] = growth / stds
@@ -125,7 +125,7 @@ def test_a_growth_within_its_noise_does_not_count() -> None:
 
 def test_an_unknown_weight_adds_its_force_and_its_spin_to_the_load_and_takes_its_force_off_the_grip() -> None:
     rows = contact_rows(1, 3.0, 10.0, 0.5, 1e-3)
-    watch().assess(rows, MU, Uncertainty(0.02, 0.0, force_n=1.0), 0.7)
+    assess(watch(), rows, MU, Uncertainty(0.02, 0.0, force_n=1.0), 0.7)
     assert rows["assessment"]["utilisation_upper"] == pytest.approx((0.5 * 10.0 + 1.0 / MU + 0.7) / 9.0)
 
 
@@ -135,7 +135,7 @@ def test_a_new_contact_begins_without_the_mean_of_the_one_before() -> None:
     rows = contact_rows(3, used * LIGHT_N * MU, LIGHT_N, used, np.arange(3) * 1e-3)
     rows["phase"][1], rows["utilisation"]["twist"][:, 0] = FREE, 1.0
     for k, std_n in enumerate((0.005, 0.005, 0.2)):
-        watched.assess(rows[k : k + 1], MU, Uncertainty(std_n), 0.0)
+        assess(watched, rows[k : k + 1], MU, Uncertainty(std_n))
     assert rows["assessment"]["friction_step"].tolist() == [WARNING, STABLE, STABLE]
 
 
@@ -236,5 +236,5 @@ def test_a_reading_counts_as_its_noise_allows(
     rows = contact_rows(3, load_n, normal_n, used, np.arange(3) * 1e-3)
     rows["contact"]["spin_nm"], rows["utilisation"]["kind"], rows["utilisation"]["twist"][:, axis] = spin_nm, kind, 1.0
     rows["contact"]["friction_ratio_std"] = 0.5 * (noise.force_n > 0.0)
-    watch().assess(rows, MU, noise, 0.0)
+    assess(watch(), rows, MU, noise)
     assert rows["assessment"]["friction_step"].tolist() == [step] * 3
