@@ -79,7 +79,7 @@ class _InLoop:
         if self._in_a_row > AT_ONCE:
             self._in_a_row = 0
             await asyncio.sleep(0)
-        while (frames := self._link.take()) is None and (until is None or time.monotonic() < until):
+        while (frames := self._link.receive_now()) is None and (until is None or time.monotonic() < until):
             self._in_a_row = 0
             await self._wait(zmq.POLLIN, until)
         return frames

@@ -76,12 +76,12 @@ class Link:
         """
         with self._open():
             self.socket.setsockopt(zmq.RCVTIMEO, _left_ms(until))
-            return self._take(0)
+            return self._frames(0)
 
-    def take(self) -> list[bytes] | None:
+    def receive_now(self) -> list[bytes] | None:
         """Return one message that has already arrived, or None."""
         with self._open():
-            return self._take(zmq.NOBLOCK)
+            return self._frames(zmq.NOBLOCK)
 
     def newest(self, most: int) -> list[list[bytes]]:
         """Return the newest of the messages with the same first frame that have already arrived.
@@ -120,7 +120,7 @@ class Link:
         self.socket.close(linger=0)
         self._context.term()
 
-    def _take(self, flags: int) -> list[bytes] | None:
+    def _frames(self, flags: int) -> list[bytes] | None:
         try:
             return self.socket.recv_multipart(flags)
         except zmq.Again:

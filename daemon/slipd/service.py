@@ -192,7 +192,7 @@ async def serve_file(
         file: The config.
         record: As for `slipd.service.serve`; later runs record beside it, to files with a number.
         on_ready: Called with the endpoints of each run.
-        selector: That of the running loop; polls where ``[realtime] poll`` of the config in force says so.
+        selector: That of the running loop; it polls where the config in force has ``[realtime] poll``.
 
     Raises:
         SlipdError: The first run cannot start, neither the changed config nor the one before can, or the recording of a

@@ -87,7 +87,7 @@ async def test_the_warnings_of_a_daemon_reach_its_fleet_also_who_joins_after_its
             kept: list[int] = []
 
             def all_warnings_again() -> bool:
-                kept.extend(message.seq for message in late.take(0) if message.topic == "warning")
+                kept.extend(message.seq for message in late.receive(0) if message.topic == "warning")
                 return kept == [body["seq"] for body in crossed()]
 
             def last_row() -> tuple[str, dict[str, str]] | None:

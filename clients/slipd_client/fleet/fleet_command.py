@@ -168,7 +168,7 @@ def _rows(listener: FleetListener, seconds: float = 0.0) -> list[RobotRow]:
     """Take what arrives within some seconds, and return the robots."""
     until_s = time.monotonic() + seconds
     while (left_s := until_s - time.monotonic()) > 0:
-        listener.take(left_s)
+        listener.receive(left_s)
     return listener.state.rows(time.monotonic())
 
 
@@ -219,5 +219,5 @@ async def _serve_page(fleet: str, listener: FleetListener, address: ListenAddres
     async with server.serving() as url:
         print(f"fleet: {url}", flush=True)
         while True:
-            listener.take(0)
+            listener.receive(0)
             await asyncio.sleep(TAKE_S)

@@ -189,8 +189,8 @@ class FairQueue(Generic[Item]):
         items.append(item)
         return full
 
-    def take(self) -> Item:
-        """Return the oldest item of the peer whose turn it is; there must be one."""
+    def pop(self) -> Item:
+        """Remove and return the oldest item of the peer whose turn it is; there must be one."""
         peer = next(iter(self._waiting))
         items = self._waiting.pop(peer)
         item = items.popleft()
@@ -232,7 +232,7 @@ class FleetListener:
         expected: See `FleetState`.
 
     Attributes:
-        state: The state of the robots as of the last `take`.
+        state: The state of the robots as of the last `receive`.
     """
 
     def __init__(self, session: zenoh.Session, fleet: str, expected: Iterable[str] = ()) -> None:
@@ -252,7 +252,7 @@ class FleetListener:
             declare_advanced_subscriber(session, f"{fleet}/*/{STATUS_TOPIC}", statuses, history=history),
         )
 
-    def take(self, wait_s: float) -> list[Message]:
+    def receive(self, wait_s: float) -> list[Message]:
         """Update the state with what has arrived, and return the messages.
 
         Args:
@@ -260,27 +260,27 @@ class FleetListener:
         """
         until_s = time.monotonic() + wait_s
         while True:
-            messages, arrived = self._take_now(time.monotonic())
+            messages, arrived = self._receive_now(time.monotonic())
             left_s = until_s - time.monotonic()
             if arrived or left_s <= 0:
                 return messages
             time.sleep(min(POLL_S, left_s))
 
-    def _take_now(self, now_s: float) -> tuple[list[Message], bool]:
+    def _receive_now(self, now_s: float) -> tuple[list[Message], bool]:
         """Update the state for a limited time; return the messages, and whether anything arrived."""
         arrived = False
         until_s = time.monotonic() + WORK_S
         while time.monotonic() < until_s and (token := self._tokens.try_recv()) is not None:
             arrived = True
             if (found := split_key(str(token.key_expr), self._fleet)) is not None:
-                self.state.take_token(*found, alive=token.kind == zenoh.SampleKind.PUT)
+                self.state.add_token(*found, alive=token.kind == zenoh.SampleKind.PUT)
         for subscriber in self._messages:
             self._sort(subscriber, now_s, time.monotonic() + WORK_S / len(self._messages))
         messages: list[Message] = []
         until_s = time.monotonic() + WORK_S
         while self._waiting and time.monotonic() < until_s:
             arrived = True
-            if (message := self.state.take_message(*self._waiting.take())) is not None:
+            if (message := self.state.add_message(*self._waiting.pop())) is not None:
                 messages.append(message)
         return messages, arrived
 

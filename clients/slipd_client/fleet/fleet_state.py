@@ -103,7 +103,7 @@ class FleetState:
         self._names: dict[str, dict[str, None]] = {}
         """Peer → the robots that it was the first to publish, the newest last; "": known by signs of life alone."""
 
-    def take_message(self, robot: str, topic: str, payload: bytes, now_s: float, peer: str = "") -> Message | None:
+    def add_message(self, robot: str, topic: str, payload: bytes, now_s: float, peer: str = "") -> Message | None:
         """Update with a message; return it, or None where it cannot be read, is a repeat, or is of another topic.
 
         Args:
@@ -118,11 +118,11 @@ class FleetState:
         with contextlib.suppress(MessageError):
             raw = read([topic.encode(), payload])[1]
             if (known := self._robot(robot, peer)) is not None:
-                return known.take(topic, raw, now_s)
+                return known.add(topic, raw, now_s)
         self.unread += 1
         return None
 
-    def take_token(self, robot: str, what: str, *, alive: bool) -> None:
+    def add_token(self, robot: str, what: str, *, alive: bool) -> None:
         """Update with a sign of life: a liveliness token of this robot was declared or has ended."""
         if (known := self._robot(robot, "")) is None:
             return
@@ -210,7 +210,7 @@ class _Robot:
     run: _Run = field(default_factory=_Run)
     missed: int = 0
 
-    def take(self, topic: str, raw: dict[str, Any], now_s: float) -> Message | None:
+    def add(self, topic: str, raw: dict[str, Any], now_s: float) -> Message | None:
         """Note a message and return it; None for a repeat."""
         run = self.runs.get(raw["boot"]) or _Run()
         message = run.order.accept(topic, raw)

@@ -179,7 +179,7 @@ class LiveFeed:
                 self._subscribe(zmq.SUBSCRIBE)
                 await self._receive()
                 self._subscribe(zmq.UNSUBSCRIBE)
-                self._take()
+                self._arrived()
                 self._newest.clear()
         finally:
             self._link.close()
@@ -188,7 +188,7 @@ class LiveFeed:
         """Receive until nobody looks any more."""
         while self.viewers:
             await asyncio.sleep(FRAME_S)
-            if self._newest.add(self._take(), time.monotonic()):
+            if self._newest.add(self._arrived(), time.monotonic()):
                 async with self._arrived:
                     self._arrived.notify_all()
 
@@ -196,9 +196,9 @@ class LiveFeed:
         for topic in TOPICS:
             self._link.socket.setsockopt(option, topic)
 
-    def _take(self) -> list[list[bytes]]:
+    def _arrived(self) -> list[list[bytes]]:
         """Return every message that has arrived."""
-        return list(iter(self._link.take, None))
+        return list(iter(self._link.receive_now, None))
 
     async def view(self, connection: ServerConnection) -> None:
         """Serve one browser until it leaves."""
@@ -210,7 +210,7 @@ class LiveFeed:
         touches: asyncio.Queue[str] = asyncio.Queue(1)
         jobs = [self._send(connection, ready), self._carry_out(connection, asked)]
         if self._hand is not None:
-            jobs += [self._hand.tell(connection), _touch(connection, self._hand, touches)]
+            jobs += [self._hand.send_fingers(connection), _touch(connection, self._hand, touches)]
         with self._looking(), contextlib.suppress(ConnectionClosed):
             await _first_of(self._listen(connection, ready, asked, touches), *jobs)
 

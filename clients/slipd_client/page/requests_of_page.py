@@ -42,14 +42,14 @@ class EmulatedHand:
         folder: Folder of the emulation, as for ``slipd touch``.
 
     Attributes:
-        fingers: Fingers that can be touched, as of the last `look`; empty while no emulation runs.
+        fingers: Fingers that can be touched, as of the last `find_fingers`; empty while no emulation runs.
     """
 
     def __init__(self, folder: Path) -> None:
         self.fingers: tuple[str, ...] = ()
         self.path = folder / SOCKET
 
-    async def look(self) -> tuple[str, ...]:
+    async def find_fingers(self) -> tuple[str, ...]:
         """Ask for the fingers that can be touched now, and return them; a late answer changes nothing."""
         try:
             shown = await self._ask("show")
@@ -60,13 +60,13 @@ class EmulatedHand:
         self.fingers = tuple(line.partition(":")[0] for line in shown[:-1])
         return self.fingers
 
-    async def tell(self, connection: ServerConnection) -> None:
+    async def send_fingers(self, connection: ServerConnection) -> None:
         """Send a browser the names of the fingers that can be touched, now and whenever they change."""
-        told: tuple[str, ...] | None = None
+        sent: tuple[str, ...] | None = None
         while True:
-            if (fingers := await self.look()) != told:
-                told = fingers
-                await connection.send(json.dumps({"hand": told}))
+            if (fingers := await self.find_fingers()) != sent:
+                sent = fingers
+                await connection.send(json.dumps({"hand": sent}))
             await asyncio.sleep(LOOK_S)
 
     async def touch(self, text: str) -> Reply:

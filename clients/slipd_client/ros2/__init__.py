@@ -1,4 +1,4 @@
 """``slipctl serve ros2``: messages as ROS 2 topics over DDS, and the arm's motion from ROS. Needs no ROS.
 
-Only `dds`, `arm_sources`, `arm_feed` and `ros2_command` import cyclonedds, the extra ``ros2``.
+The modules that talk to DDS need cyclonedds, the extra ``ros2``.
 """

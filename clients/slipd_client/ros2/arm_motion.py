@@ -234,7 +234,7 @@ class Transforms:
         except OrientationUnknown as error:
             raise refused or error from None
 
-    def take(self, now_s: float) -> Iterator[tuple[int, ArmReading | None]]:
+    def read(self, now_s: float) -> Iterator[tuple[int, ArmReading | None]]:
         """Yield the stamp of each pose that has arrived, ns, and the motion if it gave one."""
         for message, static in self._arrived():
             try:
@@ -279,7 +279,7 @@ class Imu:
             self._orientation.add(message, now_s)
         return self._orientation.orientation(now_s)
 
-    def take(self, _: float) -> Iterator[tuple[int, ArmReading | None]]:
+    def read(self, _: float) -> Iterator[tuple[int, ArmReading | None]]:
         """Yield the stamp of each message that has arrived, ns, and the motion if it gave one."""
         for message in taken(self.reader):
             try:

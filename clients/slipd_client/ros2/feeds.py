@@ -58,7 +58,7 @@ class RosFeed(Background):
         self._what = what
         self._state = (Health.STALE, f"no {what} yet")
         self._well_s = time.monotonic()
-        self._told = ""
+        self._reported = ""
 
     @property
     def entry(self) -> Entry:
@@ -73,7 +73,7 @@ class RosFeed(Background):
                 self._state = self._send()
             except Exception as error:  # a message that cannot be decoded, for example; the next one may be well
                 self._state = (Health.ERROR, f"{type(error).__name__}: {error}")
-            self._tell(*self._state)
+            self._report(*self._state)
 
     def _wait(self) -> bool:
         """Wait until there is something to send; return whether the feed has ended."""
@@ -83,17 +83,17 @@ class RosFeed(Background):
         """Send what is new; return the state and the reason for it."""
         raise NotImplementedError
 
-    def _tell(self, level: Health, why: str) -> None:
+    def _report(self, level: Health, why: str) -> None:
         """Print a failure that has lasted for a while, and its end."""
         now_s = time.monotonic()
         if level is Health.OK:
             self._well_s = now_s
-            if self._told:
+            if self._reported:
                 print(f"slipctl: the {self._what} is sent again", file=sys.stderr, flush=True)
-            self._told = ""
-        elif why != self._told and now_s - self._well_s > OBSTACLE_S:
+            self._reported = ""
+        elif why != self._reported and now_s - self._well_s > OBSTACLE_S:
             print(f"slipctl: no {self._what} is sent: {why}", file=sys.stderr, flush=True)
-            self._told = why
+            self._reported = why
 
 
 class OrientationFeed(RosFeed):
@@ -210,7 +210,7 @@ class ArmFeed(RosFeed):
     def _send(self) -> tuple[Health, str]:
         now_s = time.monotonic()
         trouble = ""
-        for newest_ns, motion in self._source.take(now_s):
+        for newest_ns, motion in self._source.read(now_s):
             try:
                 offset_ns = clock_offset_ns(newest_ns, time.time_ns(), time.monotonic_ns())
             except OrientationUnknown as error:

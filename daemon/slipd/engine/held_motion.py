@@ -45,7 +45,7 @@ class HeldMotion:
     def update_finger(self, finger: Finger, motion: ContactMotion) -> Found:
         """Judge the evidence that a finger's readings and images gave since the last call."""
         found: Found = []
-        for evidence in motion.take():
+        for evidence in motion.pop_found():
             kinds = self._risks[finger.name].update(evidence)
             if kinds:
                 until_ns = motion.confirm() if "image_change" in kinds else evidence.t_ns + REPORTED_NS
@@ -82,7 +82,7 @@ class HeldMotion:
 
         Args:
             evidence: The evidence.
-            belief: What the load says, see `MotionRisk.update`.
+            belief: Evidence of the load, see `MotionRisk.update`.
         """
         kinds = max((risk.update(evidence, belief) for risk in self._risks.values()), key=len)
         found: Found = []

@@ -51,7 +51,7 @@ class KeptState:
         self.problems: dict[str, str] = {}
 
     def restore(self, event: StateRestored, t_ns: int) -> HostNotice:
-        """Take over what the run before kept; the notice says why nothing of it is used, "" where it is."""
+        """Take over what the run before kept; the notice has the reason why nothing of it is used, "" where it is."""
         try:
             state = None if event.problem else read_state(event.text, self._config)
         except SlipdError as error:
@@ -107,7 +107,7 @@ class KeptState:
         if tare.device and not device.reported:
             if self._until_ns is not None:
                 return
-            wanted = tare.opened  # a recording that began during the run: the device had told its name before
+            wanted = tare.opened  # a recording that began during the run: the device had reported its name before
         del self.waiting[name]
         if channel.tare.current.origin == "measured" or channel.tare.busy:
             return

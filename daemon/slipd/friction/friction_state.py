@@ -39,7 +39,7 @@ class FrictionState(NamedTuple):
 
     @property
     def spin_scale(self) -> float:
-        """How many times as much friction a spin uses as ``mu`` says, ≥ 1."""
+        """How many times as much friction a spin uses as by ``mu``, ≥ 1."""
         if self.mu is None or self.mu_rotation is None:
             return 1.0
         return max(self.mu / self.mu_rotation, 1.0)

@@ -4,7 +4,7 @@ Whatever the fingers carry, an object or only themselves, follows the apparent g
 m > 0. Over several spans of time, that is compared with F = m R γ, where R turns, swaps or reverses axes, and with
 F = m γ at other times. A stream is at fault where it explains the load badly, and the same one of these explains it
 well in two spans: a touch that changes the load as the motion would may fit one of them by chance, but hardly twice. A
-load that none explains changes for another reason, such as a grip or a touch, and says nothing of the stream.
+load that none explains changes for another reason, such as a grip or a touch, and shows nothing of the stream.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def _frames() -> list[Array]:
 
 
 FRAMES = _frames()
-"""The first is what the stream says, the second its reverse."""
+"""The first is that of the stream, the second its reverse."""
 _STACK = np.array(FRAMES)
 
 

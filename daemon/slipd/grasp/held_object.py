@@ -288,7 +288,7 @@ def _geometry(sides: Sequence[Side], width_m: float | None) -> _Geometry:
 
 
 def make_held_object(view: GraspView | None, arm: ArmMotion | None, named: NamedObject) -> HeldObject | None:
-    """Return what follows the object; None where the rig cannot weigh it, which `GraspView.object` then says."""
+    """Return what follows the object; None where the rig cannot weigh it: `GraspView.object` then has the reason."""
     if view is None:
         return None
     sides = []

@@ -213,7 +213,7 @@ class PadMotion:
         return Evidence("image_change", t_ns, surprise), belief if surprise > LEAST_SURPRISE else 0.0
 
     def confirm(self) -> None:
-        """Take the newest evidence as true: the object lies otherwise now, and what was carried before says nothing."""
+        """Take the newest evidence as true: the object lies otherwise now, so what was carried does not count."""
         self._belief.forget_carried()
 
 

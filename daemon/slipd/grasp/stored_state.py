@@ -57,7 +57,7 @@ class StoredTare(_Stored):
 class StoredGrip(_Stored):
     """The grip in force when the state was kept. Every force is the normal force on one pad.
 
-    It says what was in force then. Whether it still is, only the gripper can confirm.
+    It was in force then. Whether it still is, only the gripper can confirm.
 
     Attributes:
         force_n: The force in force, N (`GripPolicy.force_n`).

@@ -22,7 +22,7 @@ EVIDENCE = ("load_drop", "image_change", "spin_change", "width", "external")
 - image_change: The shares of the taxels change at unchanged load.
 - spin_change: The spin changes at unchanged load.
 - width: The width of the gripper changes at unchanged grip force.
-- external: A driver of the user's says so.
+- external: A driver of the user reports it.
 """
 MOST_SURPRISE = 700.0
 """No surprise is larger: its probability is no floating-point number."""

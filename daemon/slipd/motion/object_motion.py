@@ -4,9 +4,9 @@ Width: the jaws move although no command moves them, so the object rolls, turns 
 beginning of a hold is the reference. It is followed slowly, because pads of rubber creep for minutes. A new command, or
 a gripper that reports a motion of its own after one, begins another hold.
 
-External: a process such as that of a camera says where the object is, or how fast it moves. The first poses of a hold
-are the reference, and their scatter is the noise. A camera errs with the pose of the arm too, which no scatter shows,
-so the config states the least error of a position. A speed comes with its own error.
+External: a process such as that of a camera reports where the object is, or how fast it moves. The first poses of a
+hold are the reference, and their scatter is the noise. A camera errs with the pose of the arm too, which no scatter
+shows, so the config states the least error of a position. A speed comes with its own error.
 """
 
 from __future__ import annotations
@@ -148,7 +148,7 @@ KNOWN = 1e6
 
 
 class OutsideMotion:
-    """Finds motion of the object in what another process says of it.
+    """Finds motion of the object in what another process reports of it.
 
     False alarms: with errors no larger than stated and measured, a surprise above s comes in less than exp(−s) of the
     looks. Each reading is a look.
@@ -177,7 +177,7 @@ class OutsideMotion:
 
         Args:
             t_ns: Time of the reading, CLOCK_MONOTONIC.
-            reading: What it says.
+            reading: The reading.
             held: An object is held.
         """
         if not held:

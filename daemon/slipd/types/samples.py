@@ -15,7 +15,6 @@ from slipd.types.arrays import Array
 UNTRUSTED = frozenset({"overload", "invalid", "raw"})
 """Status words of a reading whose value cannot be trusted."""
 
-
 _NO_TORQUE = (0.0, 0.0, 0.0)
 
 
@@ -99,7 +98,7 @@ class GripperSample:
 
     Attributes:
         t_ns: CLOCK_MONOTONIC when the reply was received.
-        device_time_ns: Always None for the present grippers.
+        device_time_ns: None, as no gripper has a clock.
         active: Whether the gripper is activated and accepts commands.
         width_m: Width between the pads, m; None if unknown.
         moving: Whether the fingers move.
@@ -126,7 +125,7 @@ class GripperSample:
 
 @dataclass(slots=True, eq=False)
 class ObjectSample:
-    """What another process says of the object in the grip; None where it does not.
+    """What another process reports of the object in the grip; None where it does not.
 
     Attributes:
         t_ns: CLOCK_MONOTONIC when the last byte of the reading was received.

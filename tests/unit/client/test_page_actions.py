@@ -147,7 +147,7 @@ async def emulating(folder: Path) -> AsyncIterator[Emulation]:
 async def test_a_touch_is_a_press_with_push_and_twist_and_force_0_lets_go(tmp_path: Path) -> None:
     hand = EmulatedHand(tmp_path)
     async with emulating(tmp_path) as emulation:
-        assert await hand.look() == ("left", "right")
+        assert await hand.find_fingers() == ("left", "right")
         for touch in (PRESS, PRESS | {"force_n": 0}):
             assert await hand.touch(json.dumps(touch)) == {"ok": True, "text": ""}
         assert emulation.lines == [
@@ -183,7 +183,7 @@ async def test_a_touch_is_a_press_with_push_and_twist_and_force_0_lets_go(tmp_pa
 async def test_no_other_touch_is_passed_on(tmp_path: Path, touch: str) -> None:
     hand = EmulatedHand(tmp_path)
     async with emulating(tmp_path) as emulation:
-        await hand.look()
+        await hand.find_fingers()
         assert (await hand.touch(touch))["ok"] is False
     assert emulation.lines == ["show"]
 
@@ -193,24 +193,24 @@ async def test_a_browser_hears_of_emulations_that_begin_and_end_and_keeps_one_th
 ) -> None:
     monkeypatch.setattr(requests_of_page, "LOOK_S", 0.005)
     hand, page = EmulatedHand(tmp_path), asyncio.Queue()
-    telling = asyncio.create_task(hand.tell(SimpleNamespace(send=page.put)))  # type: ignore[arg-type]
+    sending = asyncio.create_task(hand.send_fingers(SimpleNamespace(send=page.put)))  # type: ignore[arg-type]
 
-    async def told() -> Any:
+    async def sent() -> Any:
         return json.loads(await asyncio.wait_for(page.get(), PATIENCE_S))["hand"]
 
-    assert await told() == []
+    assert await sent() == []
     async with emulating(tmp_path):
-        assert await told() == ["left", "right"]
-    assert await told() == []
+        assert await sent() == ["left", "right"]
+    assert await sent() == []
     async with emulating(tmp_path) as emulation:
-        assert await told() == ["left", "right"]
+        assert await sent() == ["left", "right"]
         monkeypatch.setattr(requests_of_page, "ANSWER_S", 0.01)
         emulation.answers |= {"press": "", "show": ""}
         assert "has ended, or does not answer" in (await hand.touch(json.dumps(PRESS)))["text"]
-        assert await hand.look() == ("left", "right"), "the page would forget place and focus"
-    assert await told() == [], "and nothing before it ended"
-    telling.cancel()
-    await asyncio.gather(telling, return_exceptions=True)
+        assert await hand.find_fingers() == ("left", "right"), "the page would forget place and focus"
+    assert await sent() == [], "and nothing before it ended"
+    sending.cancel()
+    await asyncio.gather(sending, return_exceptions=True)
 
 
 def test_the_guide_is_started_with_the_endpoints_and_keys_of_the_view(

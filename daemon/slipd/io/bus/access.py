@@ -70,7 +70,7 @@ def guard(bus: Bus) -> Guard:
     The key of a reader may connect to the request endpoint too, where its requests get an error.
 
     Raises:
-        LinkError: A key file cannot be used; the text says why, and how to create one that is missing.
+        LinkError: A key file cannot be used; the text has the reason, and how to create one that is missing.
     """
     if missing := list(missing_keys(bus)):
         raise LinkError("; ".join(f"{key}: {text}" for key, text in missing))

@@ -25,7 +25,7 @@ from slipd.config.config_file import ENCODING
 from slipd.errors import SlipdError
 from slipd.tools.commission.commission_guide import Commission
 from slipd.tools.commission.config_update import changed_text, fragment, replace_config
-from slipd.tools.commission.daemon_link import DaemonLink, GravityTeller, link_to, reason_of
+from slipd.tools.commission.daemon_link import DaemonLink, GravitySender, link_to, reason_of
 from slipd.tools.commission.dialogue import (
     SKIP,
     Ask,
@@ -65,7 +65,7 @@ class TerminalHost:
 
     def __init__(self, file: Path, text: str, link: DaemonLink, *, write: bool) -> None:
         self._file, self._text, self._link, self._write = file, text, link, write
-        self._gravity = GravityTeller(link.requests, link.request_keys)
+        self._gravity = GravitySender(link.requests, link.request_keys)
         self._client = GripClient(link.requests, keys=link.request_keys)
         try:
             self._subscriber = Subscriber(link.publish, TOPICS, keys=link.publish_keys)
@@ -86,7 +86,7 @@ class TerminalHost:
         elif isinstance(output, Ask):
             return self._ask(output)
         elif isinstance(output, Gravity):
-            self._gravity.tell(output.by_finger)
+            self._gravity.start(output.by_finger)
         elif isinstance(output, Change):
             return self._change(output)
         else:

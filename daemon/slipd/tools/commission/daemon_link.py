@@ -77,7 +77,7 @@ def _reachable(endpoint: str | None, option: str) -> str | None:
 Gravities = Mapping[str, tuple[float, float, float]]
 
 
-class GravityTeller:
+class GravitySender:
     """Repeats ``gravity.set`` from a thread of its own, because a tare keeps the guide's own client waiting.
 
     A refusal or a stall is left out: it shows in the verdicts.
@@ -88,7 +88,7 @@ class GravityTeller:
         self._ended = threading.Event()
         self._thread: threading.Thread | None = None
 
-    def tell(self, by_finger: Gravities) -> None:
+    def start(self, by_finger: Gravities) -> None:
         """Send each finger's gravity from now on: by finger, in its pad's frame, m/s²; an empty map sends nothing."""
         self.stop()
         if by_finger:
@@ -97,7 +97,7 @@ class GravityTeller:
             self._thread.start()
 
     def stop(self) -> None:
-        """Tell nothing any more."""
+        """Send nothing any more."""
         self._ended.set()
         if self._thread is not None:
             self._thread.join()

@@ -12,7 +12,7 @@ from slipd.tools.plot.run_tracks import FingerTracks, RunTracks
 from slipd_client.messages import HEALTH
 
 MOST_UTILISATION = 1.3
-"""Above this, more utilisation says nothing more: the contact slips at 1."""
+"""Larger utilisations are cut off here: the contact slips at 1."""
 
 HEADROOM = 0.06
 """Share of an axis beyond the largest value."""

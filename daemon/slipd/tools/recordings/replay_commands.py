@@ -267,7 +267,7 @@ class RecordedBlocks:
         self._changed, self._frame_changes = {}, []
 
     def _end_block(self) -> None:
-        """Write the block to the file, and only then say where it is."""
+        """Write the block to the file, and only then record its place."""
         if not self._frames:
             return
         data = gzip.compress(json.dumps(self._frames, separators=(",", ":")).encode(), compresslevel=1)

@@ -44,7 +44,7 @@ _BOUNDS = {
 
 
 class CommandError(ValueError):
-    """A command is wrong; the text says what would be right."""
+    """A command is wrong; the text names what would be right."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -125,7 +125,7 @@ TICK_NS = 1_250_000
 
 
 class _Line:
-    """A device of a rig on its line: what it says waits until the line is served."""
+    """A device of a rig on its line: what it sends waits until the line is served."""
 
     def __init__(self, device: EmulatedDevice) -> None:
         self._device, self.began_ns = device, 0

@@ -39,7 +39,7 @@ def wait_for_state(listener: FleetListener, state: str, publisher: Publisher | N
     """Wait until a view shows the robot in a state; ``publisher``: its daemon reports meanwhile."""
 
     def shown() -> bool:
-        listener.take(0)
+        listener.receive(0)
         return [row.state for row in listener.state.rows(time.monotonic())] == [state]
 
     def report() -> None:
@@ -52,7 +52,7 @@ def wait_for_state(listener: FleetListener, state: str, publisher: Publisher | N
 
 def numbers(listener: FleetListener, found: list[int]) -> list[int]:
     """Add the numbers of the warnings that have arrived at a view, and return all of them."""
-    found += [message.seq for message in listener.take(0.05) if message.topic == "warning"]
+    found += [message.seq for message in listener.receive(0.05) if message.topic == "warning"]
     return found
 
 
@@ -182,14 +182,14 @@ def test_Z9_an_alarm_is_read_before_the_flood_that_came_first(router: Router, mo
     with session(router.endpoint) as here, session(router.endpoint) as other, session(router.endpoint) as hostile:
         view = FleetListener(here, "slipd")
         honest, flood = BridgePublisher(other, "slipd", "honest"), BridgePublisher(hostile, "slipd", "flood")
-        until(lambda: len(view.state.rows(0.0)) == 2, lambda: view.take(0.05))
+        until(lambda: len(view.state.rows(0.0)) == 2, lambda: view.receive(0.05))
         for seq in range(1, FLOOD + 1):
             flood.put("warning", warning(seq, "flood"))
         arrive(hostile, here, "flood")
         honest.put("warning", warning(1, "honest"))
         arrive(other, here, "honest")
         monkeypatch.setattr(fleet_network, "WORK_S", PATIENCE_S)
-        boots = [message.raw["boot"] for message in view.take(0.05)]
+        boots = [message.raw["boot"] for message in view.receive(0.05)]
         assert boots.index("honest") <= 2
         assert boots.count("flood") > FLOOD / 2
 
@@ -197,6 +197,6 @@ def test_Z9_an_alarm_is_read_before_the_flood_that_came_first(router: Router, mo
 def test_each_peer_has_its_turn_and_its_share() -> None:
     queue: FairQueue[str] = FairQueue(share=3, most_peers=2)
     displaced = [queue.add(item[0], item) for item in ("a0", "a1", "a2", "a3", "b0", "c0", "d0")]
-    found = [queue.take() for _ in range(6)]
+    found = [queue.pop() for _ in range(6)]
     assert (displaced.index(True), sum(displaced), bool(queue)) == (3, 1, False)
     assert found == ["a1", "b0", "c0", "a2", "d0", "a3"], "c and d share one queue"

@@ -41,13 +41,13 @@ class Robot:
 
     def joins(self, signs: tuple[str, ...] = (BRIDGE, DAEMON)) -> None:
         for what in signs:
-            self.state.take_token(self.name, what, alive=True)
+            self.state.add_token(self.name, what, alive=True)
 
     def sends(self, topic: str, now_s: float, **fields: Any) -> None:
         self.seq[self.boot, topic] += 1
         self.t_ns += 1
         header = {"v": 1, "seq": self.seq[self.boot, topic], "boot": self.boot, "t_ns": self.t_ns}
-        self.state.take_message(self.name, topic, encode(header | fields), now_s, self.peer)
+        self.state.add_message(self.name, topic, encode(header | fields), now_s, self.peer)
 
     def reports(self, now_s: float, level: str = "stable", **fields: Any) -> None:
         self.sends("status", now_s, **({"fingers": levels(left=level), "streams": {}} | fields))
@@ -72,7 +72,7 @@ class Robot:
         self.t_ns -= count
 
     def ends(self, what: str) -> None:
-        self.state.take_token(self.name, what, alive=False)
+        self.state.add_token(self.name, what, alive=False)
 
 
 def levels(**fingers: str) -> dict[str, Any]:
@@ -176,7 +176,7 @@ def test_what_a_robot_sends_gives_its_row(
 
 def test_what_cannot_be_read_is_counted_and_gives_no_row() -> None:
     state = FleetState()
-    assert state.take_message("arm3", "status", b"no message", 0.0) is None
+    assert state.add_message("arm3", "status", b"no message", 0.0) is None
     assert (state.rows(0.0), state.unread) == ([], 1)
 
 

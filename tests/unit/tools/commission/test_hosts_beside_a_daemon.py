@@ -19,7 +19,7 @@ from service_rig import Rig, asked, serving
 from slipd import config
 from slipd.tools.commission import commission_command
 from slipd.tools.commission.commission_command import PageHost, TerminalHost
-from slipd.tools.commission.daemon_link import DaemonLink, GravityTeller
+from slipd.tools.commission.daemon_link import DaemonLink, GravitySender
 from slipd.tools.commission.dialogue import Ask, Event, Refusal
 from slipd_client.messages.schema.topics import Wrench
 
@@ -64,16 +64,16 @@ async def until_gravity_is(daemon: Client, state: str) -> None:
 
 async def test_gravity_is_repeated_until_another_is_told_or_none(tmp_path: Path) -> None:
     async with daemon_of_a_heavy_finger(tmp_path) as (_, daemon):
-        teller = GravityTeller(daemon.endpoints.requests, None)
+        sender = GravitySender(daemon.endpoints.requests, None)
         try:
-            teller.tell({"left": (9.81, 0.0, 0.0)})
+            sender.start({"left": (9.81, 0.0, 0.0)})
             await until_gravity_is(daemon, "compensated")
-            await asyncio.to_thread(teller.tell, {"left": (0.0, 9.81, 0.0)})
+            await asyncio.to_thread(sender.start, {"left": (0.0, 9.81, 0.0)})
             await until_gravity_is(daemon, "compensated")
-            await asyncio.to_thread(teller.tell, {})
+            await asyncio.to_thread(sender.start, {})
             await until_gravity_is(daemon, "unknown_orientation")
         finally:
-            await asyncio.to_thread(teller.stop)
+            await asyncio.to_thread(sender.stop)
 
 
 async def hosted(
