@@ -156,7 +156,7 @@ def _change(finger: Finger, mu_s: float) -> str:
 
 
 def require_lease(lease: Lease, request: Request, t_ns: int, why: str, free: str = "") -> None:
-    """Go on if a client holds the lease; say otherwise why it needs it, and what it may do about it.
+    """Go on if a client holds the lease; refuse otherwise, with why it needs it and what it may do.
 
     Raises:
         RefusalError: It does not.

@@ -9,9 +9,10 @@ from slipd.events import RecordingChanged, Reply, Request
 from slipd.publish import replies
 from slipd.publish.message_sequencer import Body
 from slipd.requests.finger_handlers import FingerHandlers, require_lease
+from slipd.requests.idempotency import IdempotencyCache
 from slipd.requests.motion_handlers import Handler, check_motion, grip_handlers
 from slipd.requests.recording_state import RecordingState
-from slipd.requests.request_check import IdempotencyCache, check_request
+from slipd.requests.request_check import check_request
 from slipd.rig import Rig
 from slipd.types.permit import Refusal, RefusalError
 from slipd_client.messages.schema.ops import OPS, URGENT_OPS
