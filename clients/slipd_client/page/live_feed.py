@@ -179,7 +179,7 @@ class LiveFeed:
                 self._subscribe(zmq.SUBSCRIBE)
                 await self._receive()
                 self._subscribe(zmq.UNSUBSCRIBE)
-                self._arrived()
+                self._receive_all()
                 self._newest.clear()
         finally:
             self._link.close()
@@ -188,7 +188,7 @@ class LiveFeed:
         """Receive until nobody looks any more."""
         while self.viewers:
             await asyncio.sleep(FRAME_S)
-            if self._newest.add(self._arrived(), time.monotonic()):
+            if self._newest.add(self._receive_all(), time.monotonic()):
                 async with self._arrived:
                     self._arrived.notify_all()
 
@@ -196,7 +196,7 @@ class LiveFeed:
         for topic in TOPICS:
             self._link.socket.setsockopt(option, topic)
 
-    def _arrived(self) -> list[list[bytes]]:
+    def _receive_all(self) -> list[list[bytes]]:
         """Return every message that has arrived."""
         return list(iter(self._link.receive_now, None))
 

@@ -29,7 +29,6 @@ from slipd.events import (
     Tick,
     Write,
 )
-from slipd.finger.finger import Finger
 from slipd.finger.finger_state import VerdictBatch
 from slipd.finger.freshness import PROMPT
 from slipd.grasp.arm_motion import ArmMotion
@@ -107,7 +106,7 @@ class Engine:
         self._handlers = RequestHandlers(rig, self._recordings, self._status.body)
         self._suspended_ns: int | None = None
         self._released = False  # as of the last reading of the gripper
-        self._silence = {name: Deadline(partial(self._check_silence, name)) for name in rig.fingers}
+        self._silence = {name: Deadline(partial(self._check_silence, each)) for name, each in self._publishers.items()}
         self._gripper_check = Deadline(self._check_gripper)
         self._reflex_due = Deadline(_never if rig.reflex is None else partial(self._run_reflex, rig.reflex))
         self._writes = {
@@ -201,24 +200,16 @@ class Engine:
         """Return what handles the readings of a stream."""
         owner, _, kind = stream.partition(".")
         if kind:
-            return partial(self._handle_finger, self._fingers[owner], self._publishers[owner], kind)
+            return partial(self._handle_finger, self._publishers[owner], kind)
         return self._handle_arm if owner == "arm" else self._handle_grasp_samples
 
-    def _handle_finger(
-        self,
-        finger: Finger,
-        publisher: FingerPublisher,
-        kind: str,
-        read: Read,
-        t_ns: int,
-        out: list[Output],
-    ) -> None:
+    def _handle_finger(self, publisher: FingerPublisher, kind: str, read: Read, t_ns: int, out: list[Output]) -> None:
         """Handle the readings of one stream of a finger that came in one read."""
-        before = publisher.level
+        finger, before = publisher.finger, publisher.level
         if kind == "wrench":
-            self._publish_batches(finger, finger.decide(read.samples, read.times_ns, read.arrival), t_ns, out)
+            self._publish_batches(publisher, finger.decide(read.samples, read.times_ns, read.arrival), t_ns, out)
         else:
-            self._handle_images(finger, read, t_ns, out)
+            self._handle_images(publisher, read, t_ns, out)
         if finger.motion is not None and finger.motion.found:
             self._report_motion(self._motion.update_finger(finger, finger.motion), t_ns, out)
         if publisher.level != before:
@@ -226,17 +217,17 @@ class Engine:
         if publisher.level != before or t_ns >= self._grasp_due.due_ns:
             self._grasp_due.run_now(t_ns, out)
 
-    def _handle_images(self, finger: Finger, read: Read, t_ns: int, out: list[Output]) -> None:
-        publisher, arrival = self._publishers[finger.name], read.arrival
+    def _handle_images(self, publisher: FingerPublisher, read: Read, t_ns: int, out: list[Output]) -> None:
+        finger, arrival = publisher.finger, read.arrival
         for sample, acquired_ns in zip(read.samples, read.times_ns, strict=True):
             batch = finger.update_image(sample, acquired_ns, arrival)
             if batch is not None:
-                self._publish_batches(finger, (batch,), t_ns, out)
+                self._publish_batches(publisher, (batch,), t_ns, out)
             publisher.publish_image(acquired_ns, out)
             if found := self._motion.update_pads():
                 self._report_motion(found, t_ns, out)
             if arrival.waited_ns:
-                self._publish_batches(finger, finger.decide_delayed(t_ns, arrival.unread_ns), t_ns, out)
+                self._publish_batches(publisher, finger.decide_delayed(t_ns, arrival.unread_ns), t_ns, out)
         if finger.quiet_until_ns < t_ns:  # an image that is late as it comes
             self._silence[finger.name].due_ns = 0
 
@@ -259,10 +250,11 @@ class Engine:
         for finger, state in found:
             self._publishers[finger.name].publish_state(state, out)
 
-    def _publish_batches(self, finger: Finger, batches: Iterable[VerdictBatch], t_ns: int, out: list[Output]) -> None:
-        publisher = self._publishers[finger.name]
+    def _publish_batches(
+        self, publisher: FingerPublisher, batches: Iterable[VerdictBatch], t_ns: int, out: list[Output]
+    ) -> None:
         for batch in batches:
-            if t_ns >= self._reflex_due.due_ns or finger.level != publisher.level:
+            if t_ns >= self._reflex_due.due_ns or publisher.finger.level != publisher.level:
                 self._reflex_due.run_now(t_ns, out)
             publisher.publish_batch(batch, out)
 
@@ -320,13 +312,13 @@ class Engine:
         for deadline in self._deadlines:
             deadline.due_ns = 0
 
-    def _check_silence(self, name: str, t_ns: int, out: list[Output]) -> int:
+    def _check_silence(self, publisher: FingerPublisher, t_ns: int, out: list[Output]) -> int:
         """Publish what has changed of a finger only because time passed."""
-        finger = self._fingers[name]
+        finger = publisher.finger
         if t_ns <= (quiet_ns := finger.quiet_until_ns):
             return quiet_ns + 1
-        publisher, unread_ns = self._publishers[name], self._lateness.unread_ns(t_ns)
-        self._publish_batches(finger, finger.decide_delayed(t_ns, unread_ns), t_ns, out)
+        unread_ns = self._lateness.unread_ns(t_ns)
+        self._publish_batches(publisher, finger.decide_delayed(t_ns, unread_ns), t_ns, out)
         state = finger.check_silence(t_ns, unread_ns)
         if state is not None:
             publisher.publish_state(state, out)
@@ -389,7 +381,8 @@ class Engine:
                 self._publish_gripper(t_ns, out)
 
     def _lose_stream(self, owner: str, kind: str, t_ns: int, out: list[Output]) -> None:
-        finger, publisher = self._fingers[owner], self._publishers[owner]
+        publisher = self._publishers[owner]
+        finger = publisher.finger
         if kind == "pad":
             finger.disconnect_image()
             publisher.publish_image(t_ns, out)

@@ -75,11 +75,11 @@ class ContactEstimator:
         readings: WrenchBatch,
         image: ImageChannel | None,
         oldest_ns: int,
-        disagreement: tuple[str, ...] = (),
-        image_fault: str = "",
+        disagreement: tuple[str, ...],
+        image_fault: str,
         *,
-        teaches: bool = False,
-        image_free: bool = False,
+        teaches: bool,
+        image_free: bool,
     ) -> VerdictBatch:
         """Estimate the contact at each reading of one read.
 

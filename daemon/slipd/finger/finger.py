@@ -292,7 +292,7 @@ class Finger:
         force_ns = came_ns + self.freshness.stale_ns
         return force_ns if image is None else min(force_ns, self._image_until_ns)
 
-    def expire_image(self, t_ns: int, unread_ns: int | None = None) -> bool:
+    def expire_image(self, t_ns: int, unread_ns: int | None) -> bool:
         """Return whether the newest image just became too old, see `check_silence`; True once for each image."""
         return self.image is not None and self.image.expire(t_ns, unread_ns)
 

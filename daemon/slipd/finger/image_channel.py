@@ -207,7 +207,7 @@ class ImageChannel:
         if self._charge is not None:
             self._charge.forget()
 
-    def is_reliable(self, *, at_rest: bool = False) -> bool:
+    def is_reliable(self, *, at_rest: bool) -> bool:
         """Return whether the newest image is usable, and not suspected of repeating the one before.
 
         Args:

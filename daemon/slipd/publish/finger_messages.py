@@ -177,11 +177,12 @@ class FingerPublisher:
         rates: ``[rates]``.
 
     Attributes:
+        finger: The finger.
         level: Level that was published last.
     """
 
     def __init__(self, finger: Finger, sequencer: MessageSequencer, rates: Rates) -> None:
-        self._finger = finger
+        self.finger = finger
         self._sequencer = sequencer
         self._frame = f"{finger.name}_pad"
         self._slip_topic, self._wrench_topic = slip_topic(finger.name), wrench_topic(finger.name)
@@ -192,7 +193,7 @@ class FingerPublisher:
 
     def publish_state(self, state: FingerState, out: list[Output]) -> None:
         """Append the messages about a new state of the finger."""
-        finger, t_ns, level = self._finger, state.t_ns, cast("Level", state.verdict.level)
+        finger, t_ns, level = self.finger, state.t_ns, cast("Level", state.verdict.level)
         if level != self.level:
             previous, self.level = self.level, level
             self._append(WARNING_TOPIC, t_ns, warning_body(finger, state, previous), out)
@@ -210,11 +211,11 @@ class FingerPublisher:
                 self.publish_state(batch[at], out)
             elif t_ns >= wrench.due_ns:
                 wrench.passes(t_ns, self.level)
-                self._append(self._wrench_topic, t_ns, wrench_body(self._finger, batch[at]), out)
+                self._append(self._wrench_topic, t_ns, wrench_body(self.finger, batch[at]), out)
 
     def publish_image(self, t_ns: int, out: list[Output]) -> None:
         """Append the message about the newest image; at once where the image became usable or unusable."""
-        finger, image = self._finger, self._finger.image
+        finger, image = self.finger, self.finger.image
         if image is not None and self._tactile.passes(t_ns, image.reasons):
             self._append(self._tactile_topic, t_ns, tactile_body(finger, image), out)
 

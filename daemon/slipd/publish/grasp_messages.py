@@ -15,6 +15,8 @@ from slipd.publish.message_sequencer import Body, MessageSequencer, Pace, array,
 from slipd_client.messages import GRASP_TOPIC, MOTION_TOPIC, level_code
 
 GRASP_FRAME = "gripper"
+MOST_HZ = 10.0
+"""Largest rate of ``motion``, 1/s: the advice follows loads that are averaged over some tenths of a second."""
 
 
 class GraspPublisher:
@@ -25,7 +27,6 @@ class GraspPublisher:
         gripper: Measures the width between the pads, and is commanded to open.
         sequencer: Numbers and dates the messages.
         rate_hz: ``rates.grasp_hz``.
-
     """
 
     def __init__(
@@ -111,9 +112,6 @@ def lease_body(lease: Lease, t_ns: int) -> Body:
     """Return ``lease``: whether a client holds the lease, and for how long."""
     expires_in_s = lease.expires_in_s(t_ns)
     return {"held": expires_in_s is not None, "expires_in_s": expires_in_s}
-
-
-MOST_HZ = 10.0
 
 
 class MotionPublisher:
