@@ -156,7 +156,7 @@ class RecordScanner:
         for place in range(at, at + needs * RECORD_LENGTH, RECORD_LENGTH):
             if place + 2 * RECORD_LENGTH > len(buffer):
                 return 0
-            if not self._is_pair(buffer, place, 2 if needs == _NEW_STREAM_NEEDS else _GAP_WITHIN):
+            if not self._pairs(buffer, place, 1, 1 if needs == _NEW_STREAM_NEEDS else _GAP_WITHIN - 1)[0]:
                 self._in_sync = False
                 return NO_FRAME
         self._reserved_bits, self._in_sync = reserved, True
@@ -182,17 +182,19 @@ class RecordScanner:
             at += count
         return at
 
-    def _pairs(self, buffer: bytes, at: int, count: int) -> NDArray[np.bool_]:
-        """Return for each place from ``at`` on whether the next record follows the one there, shape (count,)."""
+    def _pairs(self, buffer: bytes, at: int, count: int, within: int = 1) -> NDArray[np.bool_]:
+        """Return for each place from ``at`` on whether the next record follows the one there, shape (count,).
 
-        def step(field: int) -> NDArray[np.uint32]:
-            numbers = np.ndarray((count + RECORD_LENGTH,), ">u4", buffer, at + 4 * field, (1,)).astype(np.uint32)
-            return numbers[RECORD_LENGTH:] - numbers[:count]
+        It does if its number is higher by at most ``within``.
+        """
 
-        status = np.ndarray((count + RECORD_LENGTH,), ">u4", buffer, at + 8, (1,)).astype(np.uint32)
-        changed = (status[RECORD_LENGTH:] ^ status[:count]) & np.uint32(self._reserved)
-        ticks = step(1)
-        paired: NDArray[np.bool_] = (step(0) == 1) & (ticks > 0) & (ticks < _TICKS_WITHIN) & (changed == 0)
+        def field(place: int) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
+            values = np.ndarray((count + RECORD_LENGTH,), ">u4", buffer, at + 4 * place, (1,)).astype(np.uint32)
+            return values[:count], values[RECORD_LENGTH:]
+
+        (number, next_number), (ticks, next_ticks), (status, next_status) = map(field, range(3))
+        near = (next_number - number - 1 < within) & (next_ticks - ticks - 1 < _TICKS_WITHIN - 1)
+        paired: NDArray[np.bool_] = near & ((next_status ^ status) & np.uint32(self._reserved) == 0)
         return paired
 
     def _needs(self, sequence: int, ticks: int, same_reserved: bool) -> int:
@@ -206,16 +208,6 @@ class RecordScanner:
             return 0 if same_reserved and ahead == 1 else 1
         is_late = -ahead % _SPAN <= LATE_WITHIN and -later % _SPAN < _TICKS_WITHIN
         return 1 if is_late or sequence == _FIRST else _NEW_STREAM_NEEDS
-
-    def _is_pair(self, buffer: bytes, at: int, within: int) -> bool:
-        """Return whether the next record follows the one at ``at``."""
-        sequence, ticks, status = _HEAD.unpack_from(buffer, at)
-        next_sequence, next_ticks, next_status = _HEAD.unpack_from(buffer, at + RECORD_LENGTH)
-        return (
-            0 < (next_sequence - sequence) % _SPAN < within
-            and 0 < (next_ticks - ticks) % _SPAN < _TICKS_WITHIN
-            and not (next_status ^ status) & self._reserved
-        )
 
     def _clock_of(self, sequence: int, ticks: int) -> int | None:
         """Return the unwrapped clock of a record; None if it was overtaken by one that has been returned."""

@@ -151,16 +151,16 @@ async def test_a_fault_of_the_consumer_reaches_the_loop_and_the_next_request_is_
     loop_faults.clear()
 
 
-def full(server: RequestServer) -> bool:
-    """Return whether more replies wait for a client than are queued: further ones are dropped."""
-    return any(peer.protocol.waiting > MOST_QUEUED for peer in server.peers)
-
-
 async def test_a_client_that_never_reads_its_replies_delays_nobody(endpoint: str, dealer: Dealer) -> None:
     with Answering(endpoint) as server:
         silent = dealer(RCVHWM=1, SNDHWM=0, SNDBUF=4096, RCVBUF=4096)
         request = encode(HELLO | {"id": "x" * 1000})
-        await eventually(lambda: [silent.socket.send(request) for _ in range(200)] and full(server))
+        await eventually(
+            lambda: (
+                [silent.socket.send(request) for _ in range(200)]
+                and any(peer.protocol.waiting > MOST_QUEUED for peer in server.peers)
+            )  # further replies are dropped
+        )
         await expect_service(dealer())
 
 
