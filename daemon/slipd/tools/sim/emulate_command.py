@@ -8,7 +8,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import socket
-import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -28,13 +27,8 @@ from slipd.tools.sim.emulate import (
 from slipd.tools.sim.emulated_copy import emulated_copy
 from slipd.tools.sim.hand import PadLoad
 from slipd.tools.sim.hand_commands import HELP, CommandError, parse_command
+from slipd.tools.sim.touch_command import END, ERROR, OK, SOCKET
 from slipd.tools.sim.touched_devices import TouchedDevices
-
-SOCKET = "hand"
-"""Name of the local socket for commands."""
-
-OK, ERROR, END = "ok", "error: ", "end"
-"""First words of the last line of each answer on the socket."""
 
 
 def emulate_command(file: Path, folder: Path | None, script: Path | None, seed: int, *, unkind: bool = False) -> None:
@@ -69,37 +63,6 @@ def emulate_command(file: Path, folder: Path | None, script: Path | None, seed: 
             asyncio.run(_serve(devices, place, lines))
         except (OSError, ValueError) as error:
             raise SlipdError(f"cannot emulate {file}: {error}") from error
-
-
-def touch_command(folder: Path, words: list[str]) -> bool:
-    """Send commands to a running emulation and print the answers; without words, those of standard input.
-
-    Returns:
-        Whether every command was carried out.
-
-    Raises:
-        SlipdError: No emulation listens there.
-    """
-    done = True
-    with socket.socket(socket.AF_UNIX) as line:
-        try:
-            line.connect(str(folder / SOCKET))
-        except OSError as error:
-            raise SlipdError(f"no emulation at {folder}: {error.strerror}; start one: slipd emulate CONFIG") from None
-        with line.makefile("rw", encoding="utf-8") as both:
-            for text in [" ".join(words)] if words else sys.stdin:
-                both.write(text.rstrip("\n") + "\n")
-                both.flush()
-                for answer in both:
-                    if answer.strip() == OK:
-                        break
-                    print(answer, end="", file=sys.stderr if answer.startswith(ERROR) else sys.stdout, flush=True)
-                    if answer.startswith((ERROR, END)):
-                        done = done and not answer.startswith(ERROR)
-                        break
-                else:
-                    raise SlipdError("the emulation has ended")
-    return done
 
 
 def _check_free(folder: Path) -> None:
