@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from slipd import config
 from slipd.config import Wrench
 from slipd.config.check_hints import OPTIONS, default_rate_hz
 from slipd.devices import DEVICES, SLIPD, find_device
-from slipd.errors import SlipdError
+from slipd.errors import SlipdError, UsageError
 from slipd.tools.discovery.port_probe import BY_ID, BY_PATH, DEV, Found, SerialPort, identify_port, list_ports
 from slipd.tools.outputs import NEW
 from slipd.tools.outputs import draft as whole_file
@@ -53,6 +54,10 @@ enabled = true
 """
 
 
+_COMMENT = re.compile(r"^(\w+ = .*?) +(# (?:MEASURE|slipd sets).*)$", re.MULTILINE)
+"""A key, and the comment that begins in one column for all."""
+
+
 def draft(found: Sequence[Placed], unknown: Sequence[SerialPort], file: str) -> str:
     """Return a config.
 
@@ -74,7 +79,7 @@ def draft(found: Sequence[Placed], unknown: Sequence[SerialPort], file: str) -> 
     for number, name in enumerate(FINGERS[: max(len(wrenches), len(pads))]):
         lines += [
             f"\n[finger.{name}]",
-            "mu = 0.4                # MEASURE (`slipctl friction measure`): low estimate of static friction",
+            "mu = 0.4  # MEASURE (`slipctl friction measure`): low estimate of static friction",
         ]
         if number < len(wrenches):
             lines += _wrench(name, *wrenches[number])
@@ -84,7 +89,8 @@ def draft(found: Sequence[Placed], unknown: Sequence[SerialPort], file: str) -> 
     lines.append(INCIDENTS)
     used = {id(each[1]) for each in [*wrenches[:2], *pads[:2], *grippers[:1]]}
     lines += [f"# not used: {found.device} on {port.path}" for port, found in found if id(found) not in used]
-    return "\n".join(lines) + "\n"
+    text = _COMMENT.sub(lambda line: f"{line[1]:<23} {line[2]}", "\n".join(lines))
+    return re.sub(r"\n{3,}", "\n\n", text).rstrip("\n") + "\n"
 
 
 def _of_kind(found: Sequence[Placed], kind: str) -> list[tuple[SerialPort, Found, str]]:
@@ -109,14 +115,12 @@ def _stream(header: str, port: SerialPort, found: Found, sensor: str) -> list[st
         lines.append(f"# {port.warning}")
     lines.append(f"port = {json.dumps(str(port.path))}")
     if sensor:
-        lines.append(
-            f'sensor = "{sensor}"            # MEASURE: press this finger; the other sensor is on the other one'
-        )
+        lines.append(f'sensor = "{sensor}"   # MEASURE: press this finger; the other sensor is on the other one')
     if set_hz is None:
-        return [*lines, f"rate_hz = {found.rate_hz or POLLED_HZ}         # MEASURE: `slipctl status` shows the rate"]
+        return [*lines, f"rate_hz = {found.rate_hz or POLLED_HZ}  # MEASURE: `slipctl status` shows the rate"]
     option = DEVICES[found.device].rate_option
     assert option is not None  # noqa: S101 - it set the rate
-    return [*lines, f"rate_hz = {set_hz}         # slipd sets it by options.{option.name}; change both together"]
+    return [*lines, f"rate_hz = {set_hz}  # slipd sets it by options.{option.name}; change both together"]
 
 
 def _needed(header: str, found: Found) -> list[str]:
@@ -133,9 +137,9 @@ def _needed(header: str, found: Found) -> list[str]:
 def _wrench(name: str, port: SerialPort, found: Found, sensor: str) -> list[str]:
     return [
         *_stream(f"finger.{name}.wrench", port, found, sensor),
-        "sign = 1                # MEASURE",
+        "sign = 1  # MEASURE",
         "pad_from_sensor = { xyz_m = [0.0, 0.0, 0.0], quat_xyzw = [0.0, 0.0, 0.0, 1.0] }  # MEASURE",
-        f"force_std_n = {_NOISE['force_std_n'].default}      # MEASURE: noise of each component at rest, N",
+        f"force_std_n = {_NOISE['force_std_n'].default}  # MEASURE: noise of each component at rest, N",
         f"torque_std_nm = {_NOISE['torque_std_nm'].default}  # MEASURE, N·m",
         *_needed(f"finger.{name}.wrench", found),
     ]
@@ -147,15 +151,15 @@ def _pad(name: str, port: SerialPort, found: Found, sensor: str) -> list[str]:
     pitch_m = PITCHES_M.get(found.device, 0.004)
     return [
         *_stream(f"finger.{name}.pad", port, found, sensor),
-        f"rows = {rows}                # MEASURE",
-        f"cols = {cols}                # MEASURE",
-        f"pitch_m = {pitch_m}         # MEASURE",
-        f"electrode_m = {pitch_m}     # MEASURE",
-        "swap_xy = false         # MEASURE",
-        "flip_x = false          # MEASURE",
-        "flip_y = false          # MEASURE",
+        f"rows = {rows}  # MEASURE",
+        f"cols = {cols}  # MEASURE",
+        f"pitch_m = {pitch_m}  # MEASURE",
+        f"electrode_m = {pitch_m}  # MEASURE",
+        "swap_xy = false  # MEASURE",
+        "flip_x = false  # MEASURE",
+        "flip_y = false  # MEASURE",
         f"axis_scale = {[1.0] * axes if axes == 1 else [1.0, 1.0, -1.0]}  # MEASURE",
-        "threshold = 0.0         # MEASURE: ten times the noise of a taxel",
+        "threshold = 0.0  # MEASURE: ten times the noise of a taxel",
         *_needed(f"finger.{name}.pad", found),
     ]
 
@@ -179,10 +183,13 @@ def init_command(file: Path, by_id: Path | None, *, only_list: bool) -> None:
         only_list: Write nothing.
 
     Raises:
-        SlipdError: There is no port, no sensor answers, or the file exists or cannot be written.
+        UsageError: The file exists, or its folder does not.
+        SlipdError: There is no port, no sensor answers, or the file cannot be written.
     """
     if not only_list and file.exists():
-        raise SlipdError(f"{file} exists, and is not replaced; give another name, or only list: slipd init --list")
+        raise UsageError(f"{file} exists, and is not replaced; give another name, or only list: slipd init --list")
+    if not only_list and not file.parent.is_dir():
+        raise UsageError(f"{file}: cannot be created: there is no folder {file.parent}")
     nowhere = Path(os.devnull)
     ports = list_ports() if by_id is None else list_ports(by_id.absolute(), nowhere, nowhere)
     if not ports:

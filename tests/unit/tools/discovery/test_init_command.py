@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 import pytest
 from emulation_thread import plugged
 
 from slipd import config
-from slipd.errors import SlipdError
+from slipd.errors import SlipdError, UsageError
 from slipd.tools.discovery import config_draft, port_probe
 from slipd.tools.discovery.config_draft import init_command
 from slipd.tools.discovery.port_probe import SAME_SOCKET, list_ports
@@ -27,7 +28,7 @@ def test_a_config_is_written_for_what_answers(tmp_path: Path, capsys: pytest.Cap
         init_command(tmp_path / "list.toml", by_id, only_list=True)
         assert not (tmp_path / "list.toml").exists()
         init_command(file, by_id, only_list=False)
-        with pytest.raises(SlipdError, match="cannot be written: No such file"):
+        with pytest.raises(UsageError, match="cannot be created: there is no folder"):
             init_command(tmp_path / "missing" / "rig.toml", by_id, only_list=False)
     shown = capsys.readouterr().out
     assert f"{by_id}/bota: bota" in shown
@@ -35,7 +36,11 @@ def test_a_config_is_written_for_what_answers(tmp_path: Path, capsys: pytest.Cap
     assert "\n".join(f"  slipd {command} {file}" for command in ("check", "run", "commission")) in shown
     [stream] = config.load(file).streams().values()
     assert (stream.device, stream.port) == ("bota", f"{by_id}/bota")
-    with pytest.raises(SlipdError, match="exists, and is not replaced"):
+    commented = [
+        line for line in file.read_text(encoding="utf-8").splitlines() if re.search("[0-9] +# (MEASURE|s)", line)
+    ]
+    assert {line.index("#") for line in commented} == {24}
+    with pytest.raises(UsageError, match="exists, and is not replaced"):
         init_command(file, by_id, only_list=False)
 
 
