@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import signal
 import sys
 import threading
@@ -12,12 +13,16 @@ from typing import Any
 from numba.core import event
 
 from slipd.engine.warm_up import warm_up
-from slipd.fusion.compiled import KERNELS
+from slipd.fusion.compiled import KERNELS, PARTS
 from slipd.io.progress import Progress
 
 PURPOSE = "compiling kernels, once"
 
 INTERRUPTED = 130
+
+COLLECT_EVERY = 50_000
+"""The garbage collector looks each time that so many more objects exist: it finds next to nothing in what the compiler
+makes, and at Python's own threshold takes a fifteenth of the time."""
 
 
 def compile_kernels() -> None:
@@ -26,12 +31,14 @@ def compile_kernels() -> None:
     Raises:
         KeyboardInterrupt: SIGINT came, and is not ignored.
     """
-    shown = _Compilation()
+    shown, collections = _Compilation(), gc.get_threshold()
+    gc.set_threshold(COLLECT_EVERY)
     with interruptible():
         try:
             with event.install_listener("numba:compile", shown):
                 warm_up()
         finally:
+            gc.set_threshold(*collections)
             shown.end()
 
 
@@ -97,7 +104,7 @@ class _Compilation(event.Listener):
         if self._announced:
             return
         self._announced = True
-        self._progress.show(0, len(KERNELS))
+        self._progress.show(0, len(KERNELS) + len(PARTS))
         if not sys.stderr.isatty():
             print(f"{PURPOSE} (about a minute)", file=sys.stderr, flush=True)
 
@@ -106,7 +113,7 @@ class _Compilation(event.Listener):
         function = compiled.data["dispatcher"].py_func
         if function.__module__.partition(".")[0] == "slipd":  # and not a function of NumPy that a kernel calls
             self._ready.add(f"{function.__module__}.{function.__qualname__}")
-        self._progress.show(len(self._ready), len(KERNELS))
+        self._progress.show(len(self._ready), len(KERNELS) + len(PARTS))
 
     def end(self) -> None:
         """Erase the line."""

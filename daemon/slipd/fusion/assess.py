@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from slipd.fusion.compiled import compiled
+from slipd.fusion.compiled import compiled, compiled_part
 from slipd.fusion.level_hysteresis import DWELL_S, held_step, settle
 from slipd.fusion.load_blocks import GAP_S, forget_load
 from slipd.fusion.load_drop import follow_load
@@ -87,7 +87,7 @@ def assess_readings(readings: Rows, states: Rows, spin_utilisation_1n: float) ->
             found["level"] = SLIPPING if slips else WARNING + 1
 
 
-@compiled
+@compiled_part
 def _find_nothing(found: Row) -> None:
     """Fill in an assessment in which nothing is known."""
     found["level"], found["friction_step"], found["tipping_step"] = UNKNOWN, STABLE, STABLE
@@ -96,7 +96,7 @@ def _find_nothing(found: Row) -> None:
     found["peak_required"], found["plateau_required"] = math.nan, math.nan
 
 
-@compiled
+@compiled_part
 def _forget(watch: Row, drop: Row) -> None:
     """Forget a contact that ended."""
     watch["step"], watch["tipping_step"], watch["moving_until_s"] = STABLE, STABLE, -math.inf
@@ -104,7 +104,7 @@ def _forget(watch: Row, drop: Row) -> None:
     forget_load(drop)
 
 
-@compiled
+@compiled_part
 def _find_motion(row: Row, now: Row, watch: Row, drop: Row, ring: Rows, exact: bool) -> bool:
     """Fill in the required friction and what shows that the object moves; return whether it does.
 
@@ -141,7 +141,7 @@ def _find_motion(row: Row, now: Row, watch: Row, drop: Row, ring: Rows, exact: b
     return dropped
 
 
-@compiled
+@compiled_part
 def _find_tipping(row: Row, now: Row, watch: Row) -> int:
     """Fill in and return the step that the tipping margin asks for; a lower one is reached only after DWELL_S."""
     contact, found, unknown_n, t_s = row["contact"], row["assessment"], now["force_n"], row["t_s"]
@@ -162,7 +162,7 @@ def _find_tipping(row: Row, now: Row, watch: Row) -> int:
     return tipping
 
 
-@compiled
+@compiled_part
 def _tips(margin: float, noise: float, half_pitch: float, shift: float) -> tuple[int, bool]:
     """Return the step that the tipping margin asks for, and whether it does so only for the unknown load's shift.
 

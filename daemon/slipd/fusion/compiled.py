@@ -4,6 +4,9 @@ Numba dates a cached kernel by the file that defines it, so a change in another 
 the dtype of its rows, would go unseen. Here the date also covers every source file of this folder: after any change
 all kernels are compiled again. A kernel therefore calls only kernels of its own file and of `slipd.fusion`.
 
+Numba puts what a kernel calls into its machine code. A kernel that only kernels call is therefore a part: it needs no
+file in the cache, and no wrapper that makes Python objects of its results, which takes as long as the kernel itself.
+
 A cache that cannot be written costs start-up time and nothing else, so it is a warning. Set ``NUMBA_CACHE_DIR`` to a
 writable directory to avoid it.
 """
@@ -12,6 +15,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
@@ -22,9 +26,14 @@ from slipd.types.source_stamp import source_stamp
 P = ParamSpec("P")
 R = TypeVar("R")
 
+_ANY_ORDER = {"reassoc", "contract"}
+"""What a sum in any order relaxes of IEEE arithmetic."""
 
 KERNELS: list[Callable[..., Any]] = []
-"""Every kernel that is defined so far."""
+"""Every kernel that Python calls and that is defined so far."""
+
+PARTS: list[Callable[..., Any]] = []
+"""Likewise every kernel that only kernels call."""
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
@@ -37,19 +46,39 @@ def compiled_sum(function: Callable[P, R]) -> Callable[P, R]:
 
     Nothing else is relaxed: NaN, infinity and signed zero keep their meaning.
     """
-    return _compile(function, fastmath={"reassoc", "contract"})
+    return _compile(function, fastmath=_ANY_ORDER)
+
+
+def compiled_part(function: Callable[P, R]) -> Callable[P, R]:
+    """Do what `compiled` does for a kernel that only kernels call; a call from Python ends the process."""
+    return _compile_part(function, fastmath=False)
+
+
+def compiled_sum_part(function: Callable[P, R]) -> Callable[P, R]:
+    """Do what `compiled_sum` does for a kernel that only kernels call; a call from Python ends the process."""
+    return _compile_part(function, fastmath=_ANY_ORDER)
 
 
 def _compile(function: Callable[P, R], fastmath: bool | set[str]) -> Callable[P, R]:
+    compile_for_python = partial(numba.njit, error_model="numpy", fastmath=fastmath, no_cfunc_wrapper=True)
     try:
-        kernel = numba.njit(cache=True, error_model="numpy", fastmath=fastmath)(function)
+        kernel = compile_for_python(cache=True)(function)
         if kernel is not function:  # NUMBA_DISABLE_JIT returns the function itself
             _date_by_folder(kernel)
     except (RuntimeError, OSError, AttributeError) as error:
         _warn_of_no_cache(str(error))
-        kernel = numba.njit(error_model="numpy", fastmath=fastmath)(function)
+        kernel = compile_for_python()(function)
     KERNELS.append(kernel)
     return cast("Callable[P, R]", kernel)
+
+
+def _compile_part(function: Callable[P, R], fastmath: bool | set[str]) -> Callable[P, R]:
+    compile_for_kernels = numba.njit(
+        error_model="numpy", fastmath=fastmath, no_cfunc_wrapper=True, no_cpython_wrapper=True
+    )
+    part = compile_for_kernels(function)
+    PARTS.append(part)
+    return cast("Callable[P, R]", part)
 
 
 def _warn_of_no_cache(reason: str) -> None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from slipd.fusion.compiled import compiled
+from slipd.fusion.compiled import compiled_part
 from slipd.fusion.load_blocks import LEVEL, RING
 from slipd.fusion.rows import Row, Rows
 
@@ -30,7 +30,7 @@ part of it. In simulated grasps an object that sticks stays within 0.14; one tha
 more."""
 
 
-@compiled
+@compiled_part
 def is_explained(drop: Row, ring: Rows, p: int, top: int, b: int, low: float, high: float) -> bool:
     """Return whether a fall follows a motion of the arm; False where that was not known all the time.
 
@@ -51,7 +51,7 @@ def is_explained(drop: Row, ring: Rows, p: int, top: int, b: int, low: float, hi
     return left <= LEFT * (1.0 - low / high)
 
 
-@compiled
+@compiled_part
 def is_carried(drop: Row, ring: Rows, p: int, top: int) -> bool:
     """Return whether the force has followed the motion of the arm since before a jump.
 
@@ -68,7 +68,7 @@ def is_carried(drop: Row, ring: Rows, p: int, top: int) -> bool:
     return _unexplained(drop, ring, p, 1, top, b) * math.hypot(*then[:2]) <= FOLLOWS * math.hypot(*now[:2])
 
 
-@compiled
+@compiled_part
 def _has_moved(drop: Row, ring: Rows, top: int) -> bool:
     """Return whether the motion of the arm changed since shortly before block ``top``."""
     k = drop["block"]
@@ -82,7 +82,7 @@ def _has_moved(drop: Row, ring: Rows, top: int) -> bool:
     return False
 
 
-@compiled
+@compiled_part
 def _mean_motion(ring: Rows, end: int, count: int) -> tuple[float, float, float]:
     """Return the mean apparent gravity of the blocks up to ``end``, and the mean speed of the turn."""
     last, first = ring[end % RING], ring[(end - count) % RING]
@@ -93,7 +93,7 @@ def _mean_motion(ring: Rows, end: int, count: int) -> tuple[float, float, float]
     )
 
 
-@compiled
+@compiled_part
 def _unexplained(drop: Row, ring: Rows, p: int, felt: int, top: int, b: int) -> float:
     """Return what γ leaves unexplained of a change of the force, as a part of the force; infinite where either was 0.
 
@@ -117,7 +117,7 @@ def _unexplained(drop: Row, ring: Rows, p: int, felt: int, top: int, b: int) -> 
     return math.inf if math.isnan(left) else left
 
 
-@compiled
+@compiled_part
 def _ratio(ax: float, ay: float, bx: float, by: float) -> tuple[float, float]:
     """Return the quotient of two vectors as complex numbers: how the first is scaled and turned; NaN where b is 0."""
     size = bx * bx + by * by

@@ -11,8 +11,9 @@ import math
 
 import numpy as np
 
-from slipd.fusion.compiled import compiled
+from slipd.fusion.compiled import compiled, compiled_part
 from slipd.fusion.rows import TOUCHING, UNTRUSTED, Rows
+from slipd.types.arrays import Array
 
 Z = 1.645
 """One-sided confidence of 95 %, in standard deviations; the interval between both bounds has 90 %."""
@@ -107,7 +108,7 @@ def learn(readings: Rows, rows: Rows, shape_error: float, teaches_from: int) -> 
         row["slipping"] = found["slips"]
 
 
-@compiled
+@compiled_part
 def _carry(rows: Rows, t_s: float, q: float, noise: float, shape: float) -> None:
     """Add a reading that does not slip to its block; a block that is full may raise what was carried."""
     row = rows[0]
@@ -143,7 +144,7 @@ def _carry(rows: Rows, t_s: float, q: float, noise: float, shape: float) -> None
     row["block_count"] = 0
 
 
-@compiled
+@compiled_part
 def _slide(rows: Rows, t_s: float, q: float, peak: float, plateau: float, noise: float, shape: float) -> None:
     """Take samples from a reading that slips: one of μ_s at the onset, and one of μ_d that its plateau refines.
 
@@ -175,7 +176,7 @@ def _slide(rows: Rows, t_s: float, q: float, peak: float, plateau: float, noise:
         combine(rows)
 
 
-@compiled
+@compiled_part
 def _take_sample(rows: Rows, kind: int, q: float, var: float, replaces: bool) -> None:
     """Keep a sample; ``replaces``: it is a better one of the same slip than the newest."""
     row = rows[0]
@@ -186,7 +187,7 @@ def _take_sample(rows: Rows, kind: int, q: float, var: float, replaces: bool) ->
     lns[kind, at], variances[kind, at] = math.log(q), var
 
 
-@compiled
+@compiled_part
 def _discard_disproved(rows: Rows) -> None:
     """Discard samples, and knowledge of the object, that are too low for what was carried since: no slip was there."""
     row = rows[0]
@@ -200,22 +201,20 @@ def _discard_disproved(rows: Rows) -> None:
         var[0] = math.nan
 
 
-@compiled
-def _mean(rows: Rows, kind: int, prior_ln: float, prior_var: float) -> tuple[float, float]:
+@compiled_part
+def _mean(lns: Array, variances: Array, taken: int, prior_ln: float, prior_var: float) -> tuple[float, float]:
     """Return mean and variance of the logarithm of a coefficient by samples and prior; NaN where nothing is known.
 
     Newer samples weigh more. Samples that disagree widen the variance. A prior whose interval the samples leave does
     not count.
     """
-    row = rows[0]
-    lns, variances, samples = row["sample_ln"], row["sample_var"], row["taken"]
     total = moment = squares = 0.0
     used, weight = 0, 1.0
-    for age in range(min(samples[kind], KEPT)):
-        at = (samples[kind] - 1 - age) % KEPT
-        if not math.isnan(variances[kind, at]):
-            w = weight / variances[kind, at]
-            total, moment, squares = total + w, moment + w * lns[kind, at], squares + w * lns[kind, at] * lns[kind, at]
+    for age in range(min(taken, KEPT)):
+        at = (taken - 1 - age) % KEPT
+        if not math.isnan(variances[at]):
+            w = weight / variances[at]
+            total, moment, squares = total + w, moment + w * lns[at], squares + w * lns[at] * lns[at]
             used += 1
             weight *= FADING
     if used == 0:
@@ -240,17 +239,18 @@ def combine(rows: Rows) -> None:
     row = rows[0]
     stated, spread, floor, most = row["stated"], row["spread"], row["floor"], row["most"]
     known, known_var = row["object_ln"], row["object_var"]
+    lns, variances, taken = row["sample_ln"], row["sample_var"], row["taken"]
     prior_ln, prior_var = math.log(stated), spread * spread
     if not math.isnan(known_var[0]):
         prior_ln, prior_var = known[0], known_var[0] + WIDENING * WIDENING
     sampled = not math.isnan(known_var[0])
-    for k in range(min(row["taken"][0], KEPT)):
-        sampled = sampled or not math.isnan(row["sample_var"][0, k])
+    for k in range(min(taken[0], KEPT)):
+        sampled = sampled or not math.isnan(variances[0, k])
     learned = False
     if spread == 0.0 and not math.isnan(stated):
         mu = low = high = stated
     elif sampled:
-        ln, var = _mean(rows, 0, prior_ln, prior_var)
+        ln, var = _mean(lns[0], variances[0], taken[0], prior_ln, prior_var)
         reach = Z * math.sqrt(var + SCATTER * SCATTER)
         low, high, learned = max(math.exp(ln - reach), floor), max(math.exp(ln + reach), floor), True
         mu = low
@@ -261,7 +261,7 @@ def combine(rows: Rows) -> None:
             high = floor * math.exp(Z * spread)
     else:
         mu, low, high = math.nan, floor if floor > 0.0 else math.nan, math.nan
-    dynamic_ln, _ = _mean(rows, 1, known[1], known_var[1] + WIDENING * WIDENING)
+    dynamic_ln, _ = _mean(lns[1], variances[1], taken[1], known[1], known_var[1] + WIDENING * WIDENING)
     row["bound"], row["low"], row["high"] = most if mu > most else mu, most if low > most else low, high
     row["dynamic"], row["learned"] = math.exp(dynamic_ln), learned
     row["changes"] += 1
@@ -271,13 +271,15 @@ def combine(rows: Rows) -> None:
 def end_grasp(rows: Rows) -> None:
     """Keep what was learned of a named object, and forget the grasp."""
     row = rows[0]
-    known, known_var, samples = row["object_ln"], row["object_var"], row["taken"]
+    known, known_var, taken = row["object_ln"], row["object_var"], row["taken"]
+    lns, variances = row["sample_ln"], row["sample_var"]
     if row["named"]:
         floor = row["floor"]
-        row["object_floor"] = floor if samples[0] > 0 else max(row["object_floor"], floor)
+        row["object_floor"] = floor if taken[0] > 0 else max(row["object_floor"], floor)
         for kind in range(2):
-            ln, var = _mean(rows, kind, known[kind], known_var[kind] + WIDENING * WIDENING)
-            if samples[kind] > 0:
+            prior_var = known_var[kind] + WIDENING * WIDENING
+            ln, var = _mean(lns[kind], variances[kind], taken[kind], known[kind], prior_var)
+            if taken[kind] > 0:
                 known[kind], known_var[kind] = ln, var
     begin_grasp(rows)
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slipd.fusion.compiled import compiled, compiled_sum
+from slipd.fusion.compiled import compiled_part, compiled_sum
 from slipd.types.arrays import Array
 
 DIRECTIONS = 128
@@ -153,7 +153,7 @@ def tipping_edges(x: Array, y: Array, cx: float, cy: float, half_pitch_m: float)
     return edges
 
 
-@compiled
+@compiled_part
 def turned(turn: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Return a vector of the gripper frame in the pad frame."""
     return (
@@ -288,7 +288,7 @@ def most_worst(moved: Moved, twists: Triple) -> float:
     return ROUNDING * (most + moved.apart_kg * slide * math.sqrt(px * px + py * py) + moved.unsure_nm * spin + noise)
 
 
-@compiled
+@compiled_part
 def largest(values: Array, count: int) -> float:
     """Return the largest of the first values, at least 0; four at a time, because one waits for the next."""
     a = b = c = d = 0.0

@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
-from slipd.fusion.compiled import compiled
+from slipd.fusion.compiled import compiled, compiled_part
 from slipd.fusion.rows import Rows
 from slipd.types.arrays import Array, Indices
 
 
-@compiled
+@compiled_part
 def convex_hull(x: Array, y: Array) -> Indices:
     """Return the indices of the hull's corners, counter-clockwise, without collinear points.
 

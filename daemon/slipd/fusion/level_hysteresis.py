@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from slipd.fusion.compiled import compiled
+from slipd.fusion.compiled import compiled_part
 from slipd.fusion.load_noise import relative_noise
 from slipd.fusion.rows import Row
 
@@ -24,7 +24,7 @@ LARGE = 2.0
 """A utilisation that does not count fully counts as no more than this."""
 
 
-@compiled
+@compiled_part
 def settle(row: Row, now: Row, watch: Row, used: float, measured: float, exact: bool) -> float:
     """Return the utilisation that counts: that of the reading, or of a mean where the noise is large.
 
@@ -57,7 +57,7 @@ def settle(row: Row, now: Row, watch: Row, used: float, measured: float, exact: 
     return max(float(watch["settled"]), min(used, LARGE) - CERTAIN * std)
 
 
-@compiled
+@compiled_part
 def held_step(used: float, now: Row, watch: Row, warning: float, width: float, t_s: float) -> int:
     """Return the step of a utilisation; a higher one is reached at once, a lower one only after DWELL_S.
 

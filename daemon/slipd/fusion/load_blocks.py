@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 
-from slipd.fusion.compiled import compiled
+from slipd.fusion.compiled import compiled, compiled_part
 from slipd.fusion.rows import Row, Rows
 
 BLOCK_S = 0.001
@@ -50,7 +50,7 @@ def forget_load(drop: Row) -> None:
     drop["seen"], drop["gap"] = 1.0, 1
 
 
-@compiled
+@compiled_part
 def restart(drop: Row, ring: Rows, t_s: float, q: float) -> None:
     """Begin a new sequence of blocks with required friction q: what was before is too long ago."""
     forget_load(drop)
@@ -62,7 +62,7 @@ def restart(drop: Row, ring: Rows, t_s: float, q: float) -> None:
     row["gx"], row["gy"], row["turn"], drop["unfelt"] = 0.0, 0.0, 0.0, 0
 
 
-@compiled
+@compiled_part
 def close_block(drop: Row, ring: Rows, t_s: float, std: float) -> None:
     """Add the open block to the ring, after blocks on a straight line for those that are missing before it."""
     n, count, k = drop["n"], drop["count"], drop["block"]
@@ -86,7 +86,7 @@ def close_block(drop: Row, ring: Rows, t_s: float, std: float) -> None:
     _add_block(drop, ring, q, normal, fx, fy, missing + 1)
 
 
-@compiled
+@compiled_part
 def _add_block(drop: Row, ring: Rows, q: float, normal: float, fx: float, fy: float, gap: int) -> None:
     """Add a block to the running sums, and follow means; follow the noise of one that was seen.
 
@@ -126,7 +126,7 @@ def _add_block(drop: Row, ring: Rows, q: float, normal: float, fx: float, fy: fl
     row["swing"] = drop["swing"]
 
 
-@compiled
+@compiled_part
 def _add_motion(drop: Row, before: Row, row: Row, k: int) -> None:
     """Add the motion of the arm to the sums of block ``k``; where it is unknown, the sums restart at 0."""
     if math.isnan(drop["gx"]):
@@ -136,7 +136,7 @@ def _add_motion(drop: Row, before: Row, row: Row, k: int) -> None:
         row["turn"] = before["turn"] + drop["turn"]
 
 
-@compiled
+@compiled_part
 def _follow_swings(drop: Row, short: float, dt: float) -> None:
     """Follow the largest fall from which q came back by half."""
     drop["swing"] -= drop["swing"] * dt / (SWING_S + dt)
@@ -151,7 +151,7 @@ def _follow_swings(drop: Row, short: float, dt: float) -> None:
         drop["crest"], drop["trough"] = short, short
 
 
-@compiled
+@compiled_part
 def _measure_noise(drop: Row, ring: Rows, k: int, count: int, dt: float, gap: int) -> None:
     """Follow the deviation of blocks from their neighbours, and that of means of LEVEL blocks from theirs.
 
@@ -172,7 +172,7 @@ def _measure_noise(drop: Row, ring: Rows, k: int, count: int, dt: float, gap: in
     drop["rough"] += (min(SECOND * second, CLIP * rough) - drop["rough"]) * share
 
 
-@compiled
+@compiled_part
 def _second_difference(ring: Rows, k: int, gap: int, earlier: int) -> float:
     """Return the size of the second difference of the last three blocks with readings.
 
@@ -191,34 +191,34 @@ def _second_difference(ring: Rows, k: int, gap: int, earlier: int) -> float:
     return abs(second - one * first - other * third) * math.sqrt(6.0 / (1.0 + one * one + other * other))
 
 
-@compiled
+@compiled_part
 def mean_q(ring: Rows, end: int, count: int) -> float:
     """Return the mean q of the blocks up to ``end``."""
     total: float = ring[end % RING]["q"] - ring[(end - count) % RING]["q"]
     return total / count
 
 
-@compiled
+@compiled_part
 def mean_normal(ring: Rows, end: int, count: int) -> float:
     """Return the mean normal force of the blocks up to ``end``."""
     total: float = ring[end % RING]["normal"] - ring[(end - count) % RING]["normal"]
     return total / count
 
 
-@compiled
+@compiled_part
 def vibration(drop: Row, rough: float) -> float:
     """Return the deviation of what does not average out like white noise."""
     return math.sqrt(max(rough * rough - 1.5 / LEVEL * noise_of(drop) ** 2, 0.0))
 
 
-@compiled
+@compiled_part
 def is_closing(ring: Rows, end: int, count: int) -> bool:
     """Return whether the normal force grew as that of a grip that closes, within the last of ``count`` blocks."""
     few, back = min(count, 3), min(count, CLOSING_BLOCKS)
     return mean_normal(ring, end, few) > (1.0 + CLOSING) * mean_normal(ring, end - back + few, few)
 
 
-@compiled
+@compiled_part
 def noise_of(drop: Row) -> float:
     """Return the deviation of q of a block: what is stated, or measured where that is more.
 
@@ -227,7 +227,7 @@ def noise_of(drop: Row) -> float:
     return max(float(drop["std"]), float(drop["white"])) / math.sqrt(drop["seen"])
 
 
-@compiled
+@compiled_part
 def goes_aside(ring: Rows, k: int, p: int, top: int, b: int) -> bool:
     """Return whether the tangential force changed across its own direction more than along it."""
     newest, at, high, low = ring[k % RING], ring[(k - p) % RING], ring[top % RING], ring[(top - b) % RING]

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 
-from slipd.fusion.compiled import compiled
+from slipd.fusion.compiled import compiled_part
 from slipd.fusion.explained import is_explained
 from slipd.fusion.load_blocks import (
     BLOCK_S,
@@ -89,7 +89,7 @@ SHALLOW, RISE_S, SHORT_RISE_S = 0.22, 0.14, 0.024
 from the mean over the third, s, where the fall is deeper."""
 
 
-@compiled
+@compiled_part
 def follow_load(
     drop: Row, ring: Rows, t_s: float, q: float, normal: float, fx: float, fy: float, std: float, mu: float,
     gx: float, gy: float, turn: float,
@@ -133,7 +133,7 @@ def follow_load(
     return bool(drop["sliding"])
 
 
-@compiled
+@compiled_part
 def _look(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
     """Begin a slip if the load fell to a plateau, or jumped to one."""
     k, count, dt = drop["block"], drop["count"], drop["dt"]
@@ -155,7 +155,7 @@ def _look(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
     look_for_overshoot(drop, ring, t_s, mu)
 
 
-@compiled
+@compiled_part
 def _surprise(drop: Row, ring: Rows, p: int, g: int, b: int, mu: float) -> float:
     """Return the surprise of a fall over ``g`` blocks from a level of ``b`` to a plateau of the newest ``p``.
 
@@ -189,7 +189,7 @@ def _surprise(drop: Row, ring: Rows, p: int, g: int, b: int, mu: float) -> float
     return surprise
 
 
-@compiled
+@compiled_part
 def _is_flat(ring: Rows, k: int, p: int, low: float, fall: float, std: float) -> bool:
     """Return whether the newest ``p`` blocks are shown to be flat beside a fall: no slope, no bend, little scatter."""
     half, at = p // 2, k - p
@@ -206,7 +206,7 @@ def _is_flat(ring: Rows, k: int, p: int, low: float, fall: float, std: float) ->
     return bool(scatter <= (SCATTER * fall) ** 2 + 2.0 * std * std)
 
 
-@compiled
+@compiled_part
 def _rose(drop: Row, ring: Rows, top: int, b: int, high: float, fall: float, std: float) -> bool:
     """Return whether q rose to the level of ``b`` blocks up to ``top``, beyond what noise explains.
 
@@ -220,7 +220,7 @@ def _rose(drop: Row, ring: Rows, top: int, b: int, high: float, fall: float, std
     return bool(grown >= max(LEAST_GROWTH * high, GROWTH_STDS * std * math.sqrt(1.0 / b + 1.0 / before)))
 
 
-@compiled
+@compiled_part
 def _is_push(drop: Row, ring: Rows, g: int, end: int, b: int, high: float, fall: float, std: float) -> bool:
     """Return whether q had come up about as fast as it fell.
 

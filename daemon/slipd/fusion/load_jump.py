@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from slipd.fusion.compiled import compiled
+from slipd.fusion.compiled import compiled_part
 from slipd.fusion.explained import is_carried
 from slipd.fusion.load_blocks import RING, is_closing, mean_normal, mean_q, noise_of, vibration
 from slipd.fusion.rows import Row, Rows
@@ -45,7 +45,7 @@ FROM, OVERSHOT_FROM = 0.66, 0.55
 unknown, never."""
 
 
-@compiled
+@compiled_part
 def look_for_jump(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
     """Begin a slip if q rose fast to more than this grasp carried before, and stopped within a block."""
     k, count = drop["block"], drop["count"]
@@ -69,14 +69,14 @@ def look_for_jump(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
             return
 
 
-@compiled
+@compiled_part
 def _loosened(ring: Rows, k: int, p: int, steep: int, rise: float) -> bool:
     """Return whether a fall of the normal force before the newest ``p`` blocks explains much of a relative rise."""
     after, before = mean_normal(ring, k, p), mean_normal(ring, k - p - steep, 1)
     return bool(before - after > LOOSENED * rise * before)
 
 
-@compiled
+@compiled_part
 def look_for_overshoot(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
     """Begin a slip if q rose fast, overshot once, and has been flat since, at more than this grasp carried before."""
     k, count, dt = drop["block"], drop["count"], drop["dt"]
@@ -98,7 +98,7 @@ def look_for_overshoot(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
                 return
 
 
-@compiled
+@compiled_part
 def _overshoot_surprise(drop: Row, ring: Rows, p: int, gap: int, low: float) -> float:
     """Return −ln of the probability of an overshoot by noise; 0 where there is none, or q is not flat after it.
 
@@ -126,7 +126,7 @@ def _overshoot_surprise(drop: Row, ring: Rows, p: int, gap: int, low: float) -> 
     return surprise_of(over, std * math.sqrt(0.5 + 1.0 / p))
 
 
-@compiled
+@compiled_part
 def _jump_surprise(drop: Row, ring: Rows, p: int, low: float, rise: float, rough: float) -> float:
     """Return −ln of the probability of a rise by noise; 0 where q is not shown to be flat after it.
 
@@ -147,7 +147,7 @@ def _jump_surprise(drop: Row, ring: Rows, p: int, low: float, rise: float, rough
     return surprise_of(rise, math.sqrt(std * std * (1.0 + 1.0 / p) + 2.0 * rough * rough))
 
 
-@compiled
+@compiled_part
 def _half_rise(drop: Row, ring: Rows, end: int, low: float, steep: int) -> int:
     """Return for how many blocks q was in the upper half of its rise before block ``end``."""
     most: int = min(drop["count"] - (drop["block"] - end) - 1, 8 * steep)

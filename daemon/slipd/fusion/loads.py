@@ -21,7 +21,7 @@ from typing import SupportsFloat
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slipd.fusion.compiled import compiled
+from slipd.fusion.compiled import compiled, compiled_part
 from slipd.fusion.contact import Contact, not_numbers
 from slipd.fusion.hull import Outline
 from slipd.types.arrays import Array, Indices
@@ -260,7 +260,7 @@ def tilt(x: Array, y: Array, p: Array) -> Array:
     return share
 
 
-@compiled
+@compiled_part
 def _tilt_to(x: Array, y: Array, logs: Array, bx: float, by: float, share: Array) -> tuple[float, float, float]:
     """Write the loads of a tilt into ``share``; return log Σ p exp(b·r) and its gradient, Σ F r."""
     top = -np.inf

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from slipd.fusion.compiled import compiled
+from slipd.fusion.compiled import compiled, compiled_part
 from slipd.types.arrays import Array
 
 DAMPING = 0.03
@@ -25,7 +25,7 @@ KEEP = 0.98
 """Part of the sums that each reading keeps: 50 readings count."""
 
 
-@compiled
+@compiled_part
 def swing_step(
     spin: float, rate: float, before: float, after: float, passed_s: float, omega: float
 ) -> tuple[float, float]:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from slipd.fusion.compiled import compiled
+from slipd.fusion.compiled import compiled, compiled_part
 from slipd.fusion.rows import PASTS, Row, Rows
 
 PAST_NS = 1_000_000
 """One reading in this time is kept."""
 
 
-@compiled
+@compiled_part
 def keep_force(forces: Row, t_ns: int, wrench: Row) -> None:
     """Add a force to the range since the newest image, and to those of the recent past."""
     forces["low_n"], forces["high_n"] = min(forces["low_n"], -wrench[2]), max(forces["high_n"], -wrench[2])
@@ -62,7 +62,8 @@ def mean_wrench(states: Rows, since_ns: int, until_ns: int) -> tuple[float, floa
         while at > oldest and abs(past[(at - 1) % PASTS]["t_ns"] - until_ns) <= away_ns:
             at -= 1
             away_ns = abs(past[at % PASTS]["t_ns"] - until_ns)
-        total[:] = past[at % PASTS]["wrench"]
+        for i in range(6):  # a slice takes seconds to compile
+            total[i] = past[at % PASTS]["wrench"][i]
     share = 1.0 / max(found, 1)
     fx, fy, fz, mx, my, mz = total[0], total[1], total[2], total[3], total[4], total[5]
     return share * fx, share * fy, share * fz, share * mx, share * my, share * mz

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slipd.fusion.compiled import compiled
+from slipd.fusion.compiled import compiled, compiled_part
 from slipd.fusion.contact import not_numbers
 from slipd.fusion.hull import convex_hull
 from slipd.types.arrays import Array, Mask
@@ -98,7 +98,7 @@ def _find_shape(
     return active, cx, cy, xx, yy, xy, _holes(on.reshape((-1, cols))), corners
 
 
-@compiled
+@compiled_part
 def _shape_moments(x: Array, y: Array, p: Array) -> tuple[int, float, float, float, float, float]:
     """Return the number of active taxels, the centre of pressure, and the second moments of their centres, m².
 
@@ -133,7 +133,7 @@ def _principal_axis(xx: float, yy: float, xy: float) -> tuple[float, float]:
     return 0.5 * math.atan2(2.0 * xy, xx - yy), elongation
 
 
-@compiled
+@compiled_part
 def _holes(on: Mask) -> int:
     """Count inactive regions that do not reach the border; taxels connect across corners, gaps only across sides."""
     rows, cols = on.shape
@@ -158,7 +158,7 @@ def _holes(on: Mask) -> int:
     return regions - 1
 
 
-@compiled
+@compiled_part
 def _corners(ax: Array, ay: Array, least_m: float) -> Array:
     """Return the corners of the hull of the active taxels, shape (k, 2), m.
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from slipd.fusion.compiled import compiled
+from slipd.fusion.compiled import compiled_part
 from slipd.fusion.load_blocks import mean_q, noise_of, vibration
 from slipd.fusion.rows import Row, Rows
 
@@ -30,7 +30,7 @@ LEAST_SLIDE_S = 0.03
 """A slip is reported for at least this time, s."""
 
 
-@compiled
+@compiled_part
 def begin_slide(drop: Row, t_s: float, peak: float, plateau: float, most: float, surprise: float) -> None:
     """Begin a slip.
 
@@ -46,7 +46,7 @@ def begin_slide(drop: Row, t_s: float, peak: float, plateau: float, most: float,
     drop["peak"], drop["plateau"], drop["surprise"] = peak, plateau, surprise
 
 
-@compiled
+@compiled_part
 def follow_slide(drop: Row, ring: Rows, t_s: float) -> None:
     """Follow the plateau while the object slides, and end the slip where q leaves it or nothing new shows motion."""
     plateau, age, dt = drop["plateau"], t_s - drop["since_s"], drop["dt"]
@@ -65,7 +65,7 @@ def follow_slide(drop: Row, ring: Rows, t_s: float) -> None:
         drop["plateau"] += (short - plateau) * dt / (FOLLOWS_S + dt)
 
 
-@compiled
+@compiled_part
 def _end(drop: Row, short: float) -> None:
     """End a slip: what the grasp carries without motion is to be learned anew."""
     drop["sliding"] = False
@@ -73,7 +73,7 @@ def _end(drop: Row, short: float) -> None:
     drop["crest"], drop["trough"] = short, short
 
 
-@compiled
+@compiled_part
 def surprise_of(change: float, std: float) -> float:
     """Return −ln of the probability that Gaussian noise exceeds a change; 0 for one within its standard deviation.
 

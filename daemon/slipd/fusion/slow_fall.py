@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 
-from slipd.fusion.compiled import compiled
+from slipd.fusion.compiled import compiled_part
 from slipd.fusion.explained import is_explained
 from slipd.fusion.load_blocks import LEVEL, RING, ROUGH, goes_aside, mean_normal, mean_q, noise_of, vibration
 from slipd.fusion.rows import Row, Rows
@@ -62,7 +62,7 @@ TIGHTER = 0.2
 """The normal force grows by at most this part of the growth that would explain the fall."""
 
 
-@compiled
+@compiled_part
 def look_for_slow_fall(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
     """Begin a slip if q rose steadily to a peak, and fell from there ever more slowly."""
     k, count, dt = drop["block"], drop["count"], drop["dt"]
@@ -93,7 +93,7 @@ def look_for_slow_fall(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
         begin_slide(drop, t_s, peak, low, peak, surprise)
 
 
-@compiled
+@compiled_part
 def _surprise_of_fall(drop: Row, before: Row, peak: float, low: float, noise: float, level: int) -> float:
     """Return −ln of the probability of a fall by noise; 0 where it is too small, too large, or a swing.
 
@@ -114,7 +114,7 @@ def _surprise_of_fall(drop: Row, before: Row, peak: float, low: float, noise: fl
     return surprise_of(fall, deviation)
 
 
-@compiled
+@compiled_part
 def _find_peak(ring: Rows, k: int, least: int, most: int, every: int, level: int) -> tuple[int, float]:
     """Return how many blocks ago q was largest, from ``least`` to ``most``, and its mean there; 0 blocks for none."""
     at, peak = 0, 0.0
@@ -125,7 +125,7 @@ def _find_peak(ring: Rows, k: int, least: int, most: int, every: int, level: int
     return at, peak
 
 
-@compiled
+@compiled_part
 def _last_above(ring: Rows, k: int, least: int, most: int, every: int, level: int, high: float) -> int:
     """Return how many blocks ago, from ``least`` to ``most``, q was last at ``high`` or above."""
     for back in range(least, most, every):
@@ -134,7 +134,7 @@ def _last_above(ring: Rows, k: int, least: int, most: int, every: int, level: in
     return most
 
 
-@compiled
+@compiled_part
 def _level_of_slowed_fall(ring: Rows, k: int, fallen: int, peak: float, noise: float, least: int) -> float:
     """Return the level that a fall over ``fallen`` blocks has reached; the peak where it has not slowed down.
 
@@ -159,7 +159,7 @@ def _level_of_slowed_fall(ring: Rows, k: int, fallen: int, peak: float, noise: f
     return peak
 
 
-@compiled
+@compiled_part
 def _goes_on(ring: Rows, k: int, back: int, level: int, peak: float, deviation: float) -> bool:
     """Return whether the load that was at its peak ``back`` blocks ago went on: more shear, or less grip."""
     before, after = mean_normal(ring, k - back, level), mean_normal(ring, k, level)
@@ -168,14 +168,14 @@ def _goes_on(ring: Rows, k: int, back: int, level: int, peak: float, deviation: 
     return bool(after <= (1.0 + GOES_ON) * before and moved > GOES_ON + GOES_ON_STDS * deviation / peak)
 
 
-@compiled
+@compiled_part
 def _mean_shear(ring: Rows, end: int, count: int) -> float:
     """Return the size of the mean tangential force of the blocks up to ``end``."""
     last, first = ring[end % RING], ring[(end - count) % RING]
     return math.hypot(last["fx"] - first["fx"], last["fy"] - first["fy"]) / count
 
 
-@compiled
+@compiled_part
 def _rises(ring: Rows, top: int, stride: int, level: int, peak: float, rate: float) -> bool:
     """Return whether q rose steadily to its peak at block ``top``, over eight strides of so many blocks.
 

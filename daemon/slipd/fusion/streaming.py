@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from slipd.fusion.assess import assess_readings
-from slipd.fusion.compiled import compiled
+from slipd.fusion.compiled import compiled, compiled_part
 from slipd.fusion.contact import Contact, contact_numbers
 from slipd.fusion.friction_learning import learn
 from slipd.fusion.hull import fill_margins
@@ -220,7 +220,7 @@ def judge_readings(
     _remember(readings, watch, x.size > 0)
 
 
-@compiled
+@compiled_part
 def _remember(readings: Rows, watch: Row, solved: bool) -> None:
     """Keep contact and twist of the newest reading that could be trusted."""
     for k in range(len(readings) - 1, -1, -1):

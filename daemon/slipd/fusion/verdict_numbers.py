@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from slipd.fusion.compiled import compiled
+from slipd.fusion.compiled import compiled, compiled_part
 from slipd.fusion.friction_learning import Z
 from slipd.fusion.limit.grip_factor import solve_reserve
 from slipd.fusion.rows import TOUCHING, UNSOLVED, UNTRUSTED, Rows
@@ -76,7 +76,7 @@ def find_numbers(
     )  # fmt: skip
 
 
-@compiled
+@compiled_part
 def _sum(values: Array) -> float:
     """Return the sum of up to 128 values to the last bit as NumPy does: in eight parts, then the rest."""
     parts, rest = np.zeros(8), values.size % 8

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slipd.fusion.compiled import compiled
+from slipd.fusion.compiled import compiled, compiled_part
 from slipd.motion.image_blocks import Block
 from slipd.signals.pad import PadGeometry
 from slipd.types.arrays import Array, Indices, Mask
@@ -267,7 +267,7 @@ def fit_change(
     return freedom, squares / freedom, radius_m, tilt, growth_x_m, growth_y_m
 
 
-@compiled
+@compiled_part
 def _solve(modes: Array, changes: Array) -> tuple[Array, Array]:
     """Return the Cholesky factor of the normal equations of some modes, shape (count, MODES), and their amounts."""
     factor, amount = np.zeros((MODES, MODES)), np.zeros(MODES)

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from slipd.fusion.compiled import compiled
+from slipd.fusion.compiled import compiled, compiled_part
 from slipd.fusion.rows import GARBAGE, INTERMITTENT, NOT_FINITE, STUCK, Row, Rows, new_rows
 
 STUCK_NS = 20_000_000
@@ -170,7 +170,7 @@ def check_readings(readings: Rows, streams: Rows) -> int:
     return found + doubted
 
 
-@compiled
+@compiled_part
 def _follow_run(stream: Row, t_ns: int, repeats: bool, gap: bool) -> None:
     """Count equal readings; a run that ends by itself, and was never reported as stuck, is usual for the sensor."""
     longest, equal = stream["longest"], stream["equal"]
@@ -190,7 +190,7 @@ def _follow_run(stream: Row, t_ns: int, repeats: bool, gap: bool) -> None:
     stream["equal"] = equal + 1 if repeats else 0
 
 
-@compiled
+@compiled_part
 def _find_impossible(stream: Row, wrench: Row) -> tuple[bool, bool]:
     """Return whether a reading is out of range, and whether it jumps; count those that no sensor gives.
 
@@ -212,7 +212,7 @@ def _find_impossible(stream: Row, wrench: Row) -> tuple[bool, bool]:
     return impossible, jumps
 
 
-@compiled
+@compiled_part
 def _find_fault(stream: Row, t_ns: int, gap: bool) -> int:
     """Return the fault of the stream; 0 where it has none, and had none lately."""
     equal, stuck_after, lasts_ns = stream["equal"], stream["stuck_after"], t_ns - stream["since_ns"]

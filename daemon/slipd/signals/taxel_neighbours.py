@@ -10,7 +10,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from slipd.fusion.compiled import compiled
+from slipd.fusion.compiled import compiled, compiled_part
 from slipd.fusion.ranked import ranked
 from slipd.types.arrays import Array, Indices, Mask
 
@@ -161,7 +161,7 @@ def rate_lines(
             well[_STILL, k] |= trusted == 0 and moving >= LINE_TAXELS
 
 
-@compiled
+@compiled_part
 def _trusted(around: Indices, masked: Mask, near: Indices) -> int:
     """Fill in the neighbours of one taxel that are not masked; return their number."""
     count = 0
@@ -172,7 +172,7 @@ def _trusted(around: Indices, masked: Mask, near: Indices) -> int:
     return count
 
 
-@compiled
+@compiled_part
 def _movement(near: Indices, did: Array, means: Array, threshold: float, active: float) -> tuple[float, bool]:
     """Return how far the mean of some neighbours moves, and whether nearly all of them move with it."""
     count, jitter, along, lowest, highest = len(near), 0.0, 0, math.inf, -math.inf
@@ -189,7 +189,7 @@ def _movement(near: Indices, did: Array, means: Array, threshold: float, active:
     return moves, beyond_noise and count >= 3 and along >= count - int(count >= 7)
 
 
-@compiled
+@compiled_part
 def _is_frozen(k: int, near: Indices, did: Array, least: int) -> bool:
     """Return whether the bits of a taxel rest for longer than chance allows beside some neighbours."""
     lowest, second = 1.0, 1.0  # a frozen neighbour does not hide it

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from slipd.fusion.compiled import compiled
+from slipd.fusion.compiled import compiled, compiled_part
 from slipd.fusion.limit.frame import Load
 from slipd.fusion.limit.solve import NONE, Stop, UtilisationAnswer, torque_limit_of, utilisation_of
 from slipd.fusion.limit.sweep import Twist
@@ -14,7 +14,7 @@ from slipd.fusion.rows import TOUCHING, UNTRUSTED, Rows
 from slipd.types.arrays import Array
 
 
-@compiled
+@compiled_part
 def gather(x: Array, y: Array, loads: Array, ax: Array, ay: Array, active: Array) -> int:
     """Copy centres and loads of the taxels in contact, those whose load is not zero; return how many."""
     n = 0
@@ -24,7 +24,7 @@ def gather(x: Array, y: Array, loads: Array, ax: Array, ay: Array, active: Array
     return n
 
 
-@compiled
+@compiled_part
 def write_utilisation(row: Rows, found: UtilisationAnswer) -> None:
     """Fill a row of UTILISATION."""
     row["kind"], row["value"], row["lower"], row["upper"] = found.kind, found.value, found.lower, found.upper

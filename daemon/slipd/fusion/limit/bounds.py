@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from slipd.fusion.compiled import compiled
+from slipd.fusion.compiled import compiled, compiled_part
 from slipd.fusion.limit.frame import U, split
 from slipd.fusion.limit.sweep import Field, clip_to_circle, sweep
 from slipd.types.arrays import Array
@@ -41,7 +41,7 @@ class Bracket(NamedTuple):
     value: float
 
 
-@compiled
+@compiled_part
 def rounding(excess: float, own: Field, h: float, vx: float, speed: float, om: float, slack: float) -> float:
     """Bound the rounding of a sweep's Σ w c + h v_x (arguments as in `bounds`)."""
     return slack * (excess + abs(h * vx) + abs(om)) + 16.0 * U * (speed * (own.missing_x + own.cross) + abs(om))
@@ -62,7 +62,7 @@ def spin_lower(field: Field, h: float, h_error: float, slack: float) -> float:
     return max((1.0 - share) * field.spin, 0.0) - 3.0 * slack - 16.0 * U
 
 
-@compiled
+@compiled_part
 def gauge_upper(field: Field, lx: float, lm: float, slack: float) -> float:
     """Bound the gauge of the unit load ℓ = (lx, 0, lm) from above, by a field that carries about k ℓ.
 
@@ -78,7 +78,7 @@ def gauge_upper(field: Field, lx: float, lm: float, slack: float) -> float:
     return min((1.0 + a + 2.0 * (abs(along * lm - field.spin) + 3.0 * slack)) / along, apart) * (1.0 + 16.0 * U)
 
 
-@compiled
+@compiled_part
 def bounds(
     excess: float, own: Field, field: Field, vx: float, speed: float, om: float, plane: Plane, slack: float
 ) -> Bracket:
@@ -106,7 +106,7 @@ def bounds(
     return Bracket(spin_lower(field, plane.h, plane.h_error, slack), value + error + plane.h_error * abs(vx), value)
 
 
-@compiled
+@compiled_part
 def hinge_bounds(
     taxels: Array, px: Array, py: Array, cx: float, cy: float, plane: Plane, slack: float
 ) -> tuple[Bracket, float]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from slipd.fusion.compiled import compiled, compiled_sum
+from slipd.fusion.compiled import compiled_part, compiled_sum_part
 from slipd.types.arrays import Array
 
 U = 2.0**-53  # unit roundoff of float64
@@ -63,13 +63,13 @@ class Frame(NamedTuple):
     st: float
 
 
-@compiled
+@compiled_part
 def split(taxels: Array) -> tuple[Array, Array, Array]:
     """Return positions x, y and weights w, shape (n,) each, of taxels in the contact's own units, shape (3, n)."""
     return taxels[0], taxels[1], taxels[2]
 
 
-@compiled_sum
+@compiled_sum_part
 def moments(x: Array, y: Array, loads: Array, ox: float, oy: float) -> tuple[float, float, float, float]:
     """Return Σ F, Σ F (r − o) (2), and the number of negative loads."""
     total = mx = my = negative = 0.0
@@ -81,7 +81,7 @@ def moments(x: Array, y: Array, loads: Array, ox: float, oy: float) -> tuple[flo
     return total, mx, my, negative
 
 
-@compiled_sum
+@compiled_sum_part
 def place(
     x: Array, y: Array, loads: Array, cx: float, cy: float, ex: float, ey: float, ct: float, st: float, scale: float,
     xs: Array, ys: Array, w: Array,
@@ -100,7 +100,7 @@ def place(
     return mean, blocks
 
 
-@compiled
+@compiled_part
 def normalise(x: Array, y: Array, loads: Array, fx: float, fy: float, taxels: Array) -> Frame:
     """Scale a contact to its own units, with the force (fx, fy) along +x.
 
@@ -138,7 +138,7 @@ def normalise(x: Array, y: Array, loads: Array, fx: float, fy: float, taxels: Ar
     return Frame(total, cx, cy, ex, ey, mean, ct, st)
 
 
-@compiled
+@compiled_part
 def product_error(a: float, b: float, p: float) -> float:
     """Return a b minus its rounded product p, exactly.
 
@@ -152,7 +152,7 @@ def product_error(a: float, b: float, p: float) -> float:
     return ((ah * bh - p) + ah * bl + al * bh) + al * bl
 
 
-@compiled
+@compiled_part
 def sum_error(a: float, b: float, s: float) -> float:
     """Return a + b minus its rounded sum s, exactly.
 
@@ -162,7 +162,7 @@ def sum_error(a: float, b: float, s: float) -> float:
     return (a - (s - t)) + (b - t)
 
 
-@compiled
+@compiled_part
 def one_minus_rho(loads: Array, mu: float, fx: float, fy: float) -> float:
     """Return 1 − |f| / (μ Σ F) with sums and products in double-double, as (W² − f²) / (W (W + |f|))."""
     high = low = 0.0
@@ -182,7 +182,7 @@ def one_minus_rho(loads: Array, mu: float, fx: float, fy: float) -> float:
     return (e + errors) / (w * (w + math.sqrt(b + c)))
 
 
-@compiled
+@compiled_part
 def slip_margin(loads: Array, mu: float, fx: float, fy: float, grip: float) -> tuple[float, float]:
     """Return 1 − ρ and a bound of its error: in plain sums, or in double-double where it is small.
 

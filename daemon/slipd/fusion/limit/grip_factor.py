@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from slipd.fusion.compiled import compiled
+from slipd.fusion.compiled import compiled, compiled_part
 from slipd.fusion.limit.frame import Frame, Load, normalise
 from slipd.fusion.limit.solve import GOAL, MAX_PASSES, Stop, torque_limit_of, unit_gauge
 from slipd.fusion.limit.sweep import Twist
@@ -17,7 +17,7 @@ MAX_ROOT_STEPS = 60  # of a bracketed Newton that takes 3–5
 ROOT = 1e-12  # precision of log k
 
 
-@compiled
+@compiled_part
 def grown_gauge(x: Array, y: Array, frame: Frame, taxels: Array, f: float, s: float, growth: float) -> float:
     """Find the k with gauge(f, s / k^growth) = k: bracketed Newton on log k, each solve from the twist of the last.
 
@@ -67,7 +67,7 @@ def solve_grip_factor(
     return grown_gauge(x, y, frame, taxels, force / grip, own_spin / (grip * frame.mean), growth)
 
 
-@compiled
+@compiled_part
 def solve_reserve(
     x: Array, y: Array, loads: Array, mu: float, fx: float, fy: float, spin: float, ax: float, ay: float,
     twist: tuple[float, float, float], force_std: float, torque_std: float, stds: float, safety: float,

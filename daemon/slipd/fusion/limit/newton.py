@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from slipd.fusion.compiled import compiled
+from slipd.fusion.compiled import compiled_part
 from slipd.fusion.limit.bounds import Bracket, Plane, bounds
 from slipd.fusion.limit.frame import U
 from slipd.fusion.limit.sweep import Sweep, Twist, sharpest, sweep
@@ -34,7 +34,7 @@ class Model(NamedTuple):
     h22: float
 
 
-@compiled
+@compiled_part
 def plane_model(r: Sweep, plane: Plane) -> Model:
     """Project a sweep's gradient and Hessian on the directions (ax, 0, am) and (0, 1, 0)."""
     ax, am = plane.ax, plane.am
@@ -50,7 +50,7 @@ def plane_model(r: Sweep, plane: Plane) -> Model:
     )
 
 
-@compiled
+@compiled_part
 def newton_step(m: Model) -> tuple[float, float, float, bool]:
     """Return −H⁻¹ of the gradient, 1/det, and whether the model is curved in every direction.
 
@@ -64,7 +64,7 @@ def newton_step(m: Model) -> tuple[float, float, float, bool]:
     return (h12 * g2 - h22 * g1) * inverse, (h12 * g1 - h11 * g2) * inverse, inverse, bends
 
 
-@compiled
+@compiled_part
 def norm_step(m: Model, power: float, pull: float) -> tuple[float, float, bool]:
     """Step to the minimum of √Q − pull · s₁, where Q is the square that meets D to second order.
 
@@ -92,7 +92,7 @@ def norm_step(m: Model, power: float, pull: float) -> tuple[float, float, bool]:
     return s1, s2, bends
 
 
-@compiled
+@compiled_part
 def descend(
     x: Array, y: Array, w: Array, start: Twist, plane: Plane, goal: float, passes: int
 ) -> tuple[Bracket, Twist, int, int]:

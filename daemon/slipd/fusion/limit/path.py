@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from slipd.fusion.compiled import compiled, compiled_sum
+from slipd.fusion.compiled import compiled_part, compiled_sum_part
 from slipd.fusion.limit.bounds import Bracket, Plane, bounds, hinge_bounds
 from slipd.fusion.limit.frame import Frame, U, split
 from slipd.fusion.limit.newton import RESOLUTION, RULING, newton_step, plane_model
@@ -26,7 +26,7 @@ MAX_STOOD = 8  # so many of them in a row without a smaller gap are the end
 BESIDE = 1e-9  # a pole this near to a taxel, relative to the twist, may be a hinge
 
 
-@compiled_sum
+@compiled_sum_part
 def path_sweep(
     x: Array, y: Array, w: Array, px: Array, py: Array, missing: Array, across: Array, vx: float, vy: float, om: float,
     soft: float,
@@ -84,7 +84,7 @@ def path_sweep(
     return Sweep(value, Field(gx, gy, gm, gross), hxx, hxy, hxm, hyy, hym, hmm, bend), Field(fx, fy, fm, field_gross)
 
 
-@compiled
+@compiled_part
 def update_field(
     px: Array, py: Array, missing: Array, across: Array, vx: float, vy: float, om: float, soft: float, sx: float,
     sy: float, sm: float,
@@ -103,7 +103,7 @@ def update_field(
         missing[i], across[i] = clip_to_circle(less, ty)
 
 
-@compiled_sum
+@compiled_sum_part
 def soft_sum(x: Array, y: Array, w: Array, vx: float, vy: float, om: float, soft: float) -> float:
     """Return Σ w c of the smoothed sum."""
     value = 0.0
@@ -115,7 +115,7 @@ def soft_sum(x: Array, y: Array, w: Array, vx: float, vy: float, om: float, soft
     return value
 
 
-@compiled
+@compiled_part
 def place_about(x: Array, y: Array, frame: Frame, px: Array, py: Array, j: int) -> None:
     """Write the positions seen from taxel j, each exact to its own size, into px and py."""
     ct, st, mean = frame.ct, frame.st, frame.mean
@@ -124,7 +124,7 @@ def place_about(x: Array, y: Array, frame: Frame, px: Array, py: Array, j: int) 
         px[i], py[i] = ct * dx + st * dy, ct * dy - st * dx
 
 
-@compiled
+@compiled_part
 def follow_path(
     x: Array, y: Array, frame: Frame, taxels: Array, start: Twist, plane: Plane, goal: float, known: Bracket, steps: int
 ) -> tuple[Bracket, Twist, int, int]:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slipd.fusion.compiled import compiled
+from slipd.fusion.compiled import compiled, compiled_part
 from slipd.fusion.limit.bounds import Bracket, Plane
 from slipd.fusion.limit.frame import Frame, Load, U, normalise, slip_margin, split
 from slipd.fusion.limit.newton import MET_AT_KINK, OPEN, descend
@@ -57,7 +57,7 @@ class UtilisationAnswer(NamedTuple):
     omega: float
 
 
-@compiled
+@compiled_part
 def disc_lean(rho: float) -> float:
     """Return how much farther a uniform disc's pole lies than the ellipsoid's ρ/√(1 − ρ²): 3/2 at ρ = 0, 3/4 at 1.
 
@@ -66,7 +66,7 @@ def disc_lean(rho: float) -> float:
     return 1.5 - 0.75 * rho * rho
 
 
-@compiled
+@compiled_part
 def minimise(
     x: Array, y: Array, frame: Frame, taxels: Array, start: Twist, plane: Plane, stop: Stop
 ) -> tuple[Bracket, Twist, int]:
@@ -111,7 +111,7 @@ def solve_torque_limit(
     return a.kind, a.torque, a.lower, a.upper, a.pole_x, a.pole_y
 
 
-@compiled
+@compiled_part
 def torque_limit_of(
     x: Array, y: Array, loads: Array, mu: float, load: Load, sense: int, stop: Stop, taxels: Array
 ) -> LimitAnswer:
@@ -159,7 +159,7 @@ def torque_limit_of(
     return LimitAnswer(INTERIOR, value, lower - slack, upper + slack, px, py)
 
 
-@compiled
+@compiled_part
 def unit_gauge(
     x: Array, y: Array, frame: Frame, taxels: Array, start: Twist, f: float, s: float, stop: Stop
 ) -> tuple[Bracket, Twist, int]:
@@ -203,7 +203,7 @@ def solve_utilisation(
     return a.kind, a.value, a.lower, a.upper, a.pole_x, a.pole_y, a.vx, a.vy, a.omega
 
 
-@compiled
+@compiled_part
 def utilisation_of(
     x: Array, y: Array, loads: Array, mu: float, load: Load, start: Twist, stop: Stop, taxels: Array
 ) -> UtilisationAnswer:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from slipd.fusion.compiled import compiled, compiled_sum
+from slipd.fusion.compiled import compiled_part, compiled_sum_part
 from slipd.types.arrays import Array
 
 TINY = 1e-150  # added to lengths that are divided by: a taxel at the pole has no direction; squares stay finite
@@ -61,7 +61,7 @@ class Sweep(NamedTuple):
     sharpness: float
 
 
-@compiled_sum
+@compiled_sum_part
 def sweep(x: Array, y: Array, w: Array, px: Array, py: Array, vx: float, vy: float, om: float) -> Sweep:
     """Sum power, friction field and Hessian over the taxels.
 
@@ -103,7 +103,7 @@ def sweep(x: Array, y: Array, w: Array, px: Array, py: Array, vx: float, vy: flo
     return Sweep(value, Field(gx, gy, gm, gross), hxx, hxy, hxm, hyy, hym, hmm, bend)
 
 
-@compiled
+@compiled_part
 def sharpest(x: Array, y: Array, w: Array, vx: float, vy: float, om: float) -> int:
     """Return the index of the taxel with the largest w / |u|, whose norm has the largest curvature."""
     j, weight, square = 0, 0.0, 1.0
@@ -115,7 +115,7 @@ def sharpest(x: Array, y: Array, w: Array, vx: float, vy: float, om: float) -> i
     return j
 
 
-@compiled
+@compiled_part
 def clip_to_circle(missing_x: float, ty: float) -> tuple[float, float]:
     """Shorten t = (1 − missing_x, t_y) to length 1 where it is longer; return 1 − t_x and t_y."""
     over = ty * ty + missing_x * missing_x - 2.0 * missing_x  # |t|² − 1

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slipd.fusion.compiled import compiled
+from slipd.fusion.compiled import compiled, compiled_part
 from slipd.types.arrays import Array
 
 
@@ -98,7 +98,7 @@ def slide(
         motion[2] += dt * omega
 
 
-@compiled
+@compiled_part
 def _drag(
     law: Law, dt: float, lag: float, copies: float, cx: float, cy: float, vx: float, vy: float, omega: float,
     on_pad: Array, loads: Array, holds: Array, bristles: Array, slid: NDArray[np.bool_], carried: Array, energy: Array,
