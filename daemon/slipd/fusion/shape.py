@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from slipd.fusion.compiled import compiled, compiled_part
 from slipd.fusion.contact import not_numbers
 from slipd.fusion.hull import convex_hull
-from slipd.types.arrays import Array, Mask
+from slipd.types.arrays import Array
 
 CORNER_PITCHES = 0.6
 """A corner of the outline stands out from the chord of its neighbours by at least this share of a pitch; less is a
@@ -89,18 +89,14 @@ def shape_of(x: Array, y: Array, p: Array, cols: int, pitch_m: float) -> Contact
 def _find_shape(
     x: Array, y: Array, p: Array, cols: int, least_m: float
 ) -> tuple[int, float, float, float, float, float, int, Array]:
-    """Return what `_shape_moments` does, the number of holes, and the corners; NaN and none without an active taxel."""
-    on = p > 0.0
-    if not on.any():
-        return 0, math.nan, math.nan, math.nan, math.nan, math.nan, 0, np.empty((0, 2))
+    """Return what `_shape_moments` does, the number of holes, and the corners."""
     active, cx, cy, xx, yy, xy = _shape_moments(x, y, p)
-    corners = _corners(x[on], y[on], least_m)
-    return active, cx, cy, xx, yy, xy, _holes(on.reshape((-1, cols))), corners
+    return active, cx, cy, xx, yy, xy, _holes(p, cols), _corners(x, y, p, active, least_m)
 
 
 @compiled_part
 def _shape_moments(x: Array, y: Array, p: Array) -> tuple[int, float, float, float, float, float]:
-    """Return the number of active taxels, the centre of pressure, and the second moments of their centres, m².
+    """Return the number of active taxels, the centre of pressure, and the second moments of their centres, m²; or NaN.
 
     The second moments do not weigh by pressure: pressures would make a tilted grip look long.
     """
@@ -113,6 +109,8 @@ def _shape_moments(x: Array, y: Array, p: Array) -> tuple[int, float, float, flo
             cy += p[k] * y[k]
             mx += x[k]
             my += y[k]
+    if active == 0:
+        return 0, math.nan, math.nan, math.nan, math.nan, math.nan
     xx, yy, xy = 0.0, 0.0, 0.0
     for k in range(p.size):
         if p[k] > 0.0:
@@ -134,13 +132,13 @@ def _principal_axis(xx: float, yy: float, xy: float) -> tuple[float, float]:
 
 
 @compiled_part
-def _holes(on: Mask) -> int:
+def _holes(p: Array, cols: int) -> int:
     """Count inactive regions that do not reach the border; taxels connect across corners, gaps only across sides."""
-    rows, cols = on.shape
+    rows = p.size // cols
     done = np.zeros((rows + 2) * (cols + 2), np.bool_)  # with a frame, so that all that is outside is one region
     for row in range(rows):
         for col in range(cols):
-            done[(row + 1) * (cols + 2) + col + 1] = on[row, col]
+            done[(row + 1) * (cols + 2) + col + 1] = p[row * cols + col] > 0.0
     waiting, regions = np.empty(done.size, np.int64), 0
     for start in range(done.size):
         if done[start]:
@@ -159,21 +157,32 @@ def _holes(on: Mask) -> int:
 
 
 @compiled_part
-def _corners(ax: Array, ay: Array, least_m: float) -> Array:
+def _corners(x: Array, y: Array, p: Array, active: int, least_m: float) -> Array:
     """Return the corners of the hull of the active taxels, shape (k, 2), m.
 
     Those that the grid makes are left out: they are the flattest.
     """
+    ax, ay, found = np.empty(active), np.empty(active), 0
+    for k in range(p.size):
+        if p[k] > 0.0:
+            ax[found], ay[found] = x[k], y[k]
+            found += 1
     outline = convex_hull(ax, ay)
-    while outline.size > 3:
+    count = outline.size
+    while count > 3:
         flattest, lowest_m = 0, math.inf
-        for k in range(outline.size):
-            a, b, c = outline[k - 1], outline[k], outline[(k + 1) % outline.size]
+        for k in range(count):
+            a, b, c = outline[(k - 1) % count], outline[k], outline[(k + 1) % count]
             ex, ey = ax[c] - ax[a], ay[c] - ay[a]
             height_m = abs(ex * (ay[b] - ay[a]) - ey * (ax[b] - ax[a])) / math.hypot(ex, ey)
             if height_m < lowest_m:
                 flattest, lowest_m = k, height_m
         if lowest_m >= least_m:
             break
-        outline = np.concatenate((outline[:flattest], outline[flattest + 1 :]))
-    return np.column_stack((ax[outline], ay[outline]))
+        count -= 1
+        for k in range(flattest, count):
+            outline[k] = outline[k + 1]
+    corners = np.empty((count, 2))
+    for k in range(count):
+        corners[k, 0], corners[k, 1] = ax[outline[k]], ay[outline[k]]
+    return corners

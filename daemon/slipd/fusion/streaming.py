@@ -22,7 +22,9 @@ from slipd.fusion.friction_learning import learn
 from slipd.fusion.hull import fill_margins
 from slipd.fusion.levels import Assessment
 from slipd.fusion.limit.batch import solve_readings
-from slipd.fusion.limit.solve import GOAL, KINDS, MAX_PASSES, solve_utilisation
+from slipd.fusion.limit.frame import Load
+from slipd.fusion.limit.solve import GOAL, KINDS, MAX_PASSES, Stop, utilisation_of
+from slipd.fusion.limit.sweep import Twist
 from slipd.fusion.limit_surface import Utilisation, pole_or_none
 from slipd.fusion.recent_forces import keep_force
 from slipd.fusion.rows import (
@@ -211,10 +213,8 @@ def judge_readings(
             readings, x, y, shares, mu, now["spin_scale"], twist[0], twist[1], twist[2], DECISION_GAP, MAX_PASSES
         )
         if now["force_n"] > 0.0:
-            spin_nm = now["torque_nm"]
-            spin_1n = solve_utilisation(x, y, shares, mu, 0.0, 0.0, spin_nm, 0.0, 0.0, nan, nan, nan, GOAL, MAX_PASSES)[
-                3
-            ]
+            load, start, stop = Load(0.0, 0.0, now["torque_nm"], 0.0, 0.0), Twist(nan, nan, nan), Stop(GOAL, MAX_PASSES)
+            spin_1n = utilisation_of(x, y, shares, mu, load, start, stop, np.empty((3, x.size))).upper
     assess_readings(readings, states, spin_1n)
     learn(readings, learnings, shape_error, teaches_from)
     _remember(readings, watch, x.size > 0)

@@ -12,7 +12,10 @@ import numpy as np
 
 from slipd.fusion.compiled import compiled, compiled_part
 from slipd.fusion.friction_learning import Z
-from slipd.fusion.limit.grip_factor import solve_reserve
+from slipd.fusion.limit.frame import Load
+from slipd.fusion.limit.grip_factor import solve_grip_factor
+from slipd.fusion.limit.solve import GOAL, MAX_PASSES, Stop, torque_limit_of
+from slipd.fusion.load_noise import relative_noise
 from slipd.fusion.rows import TOUCHING, UNSOLVED, UNTRUSTED, Rows
 from slipd.types.arrays import Array
 
@@ -58,10 +61,12 @@ def find_numbers(
         px, py = used["pole_m"]
     if exact and mu > 0.0:
         value, lower, upper, loads = used["value"], used["lower"], used["upper"], shares * normal
-        factor, torque_limit = solve_reserve(
-            x, y, loads, mu, fx, fy, spin, cx, cy, (twist[0], twist[1], twist[2]), force_std, torque_std, Z, safety,
-            spin_scale, growth,
-        )  # fmt: skip
+        motion = (twist[0], twist[1], twist[2])
+        held = safety * (1.0 + Z * relative_noise((fx, fy), spin, (cx, cy), motion, force_std, torque_std))
+        factor = solve_grip_factor(x, y, loads, mu, held * fx, held * fy, held * (spin * spin_scale), cx, cy, growth)
+        load, sense, stop = Load(fx, fy, 0.0, cx, cy), 1 if spin >= 0.0 else -1, Stop(GOAL, MAX_PASSES)
+        limit = torque_limit_of(x, y, loads, mu, load, sense, stop, np.empty((3, x.size)))
+        torque_limit = limit.torque / spin_scale
         needed = factor * _sum(loads)
     if row["phase"] == UNTRUSTED:
         normal = nan
