@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
@@ -60,25 +59,32 @@ def compiled_sum_part(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def _compile(function: Callable[P, R], fastmath: bool | set[str]) -> Callable[P, R]:
-    compile_for_python = partial(numba.njit, error_model="numpy", fastmath=fastmath, no_cfunc_wrapper=True)
+    options = _options(fastmath, for_python=True)
     try:
-        kernel = compile_for_python(cache=True)(function)
+        kernel = numba.njit(cache=True, **options)(function)
         if kernel is not function:  # NUMBA_DISABLE_JIT returns the function itself
             _date_by_folder(kernel)
     except (RuntimeError, OSError, AttributeError) as error:
         _warn_of_no_cache(str(error))
-        kernel = compile_for_python()(function)
+        kernel = numba.njit(**options)(function)
     KERNELS.append(kernel)
     return cast("Callable[P, R]", kernel)
 
 
 def _compile_part(function: Callable[P, R], fastmath: bool | set[str]) -> Callable[P, R]:
-    compile_for_kernels = numba.njit(
-        error_model="numpy", fastmath=fastmath, no_cfunc_wrapper=True, no_cpython_wrapper=True
-    )
-    part = compile_for_kernels(function)
+    part = numba.njit(**_options(fastmath, for_python=False))(function)
     PARTS.append(part)
     return cast("Callable[P, R]", part)
+
+
+def _options(fastmath: bool | set[str], for_python: bool) -> dict[str, Any]:
+    """Return what Numba is told of any kernel; C calls none."""
+    return {
+        "error_model": "numpy",
+        "fastmath": fastmath,
+        "no_cfunc_wrapper": True,
+        "no_cpython_wrapper": not for_python,
+    }
 
 
 def _warn_of_no_cache(reason: str) -> None:
