@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slipd.fusion.compiled import compiled_part, compiled_sum
+from slipd.fusion.compiled import compiled, compiled_part, compiled_sum, compiled_sum_part
 from slipd.types.arrays import Array
 
 DIRECTIONS = 128
@@ -191,7 +191,7 @@ class Moved(NamedTuple):
     unsure_nm: float
 
 
-@compiled
+@compiled_part
 def moved_load(pad: HeldPad, felt: Triple, couple: Triple) -> Moved:
     """Return the load of a pad in a motion.
 
@@ -227,7 +227,7 @@ def moved_load(pad: HeldPad, felt: Triple, couple: Triple) -> Moved:
     return Moved(normal, tipped, over, gone >= 1.0, (fx, fy, fm), more, (px, py), wide, apart, unsure)
 
 
-@compiled_sum
+@compiled_sum_part
 def use_of(pad: HeldPad, moved: Moved, safety: float, each: Array) -> tuple[float, float, bool]:
     """Find how much of what a pad holds a load uses, with the worst of what is not known.
 
@@ -261,7 +261,7 @@ def pad_use(pad: HeldPad, felt: Triple, couple: Triple, safety: float, each: Arr
     return used, needed, moved.normal, tips
 
 
-@compiled
+@compiled_part
 def largest_twists(pad: HeldPad) -> Triple:
     """Return the half axes, slide and spin, of an ellipsoid that contains the twists of a pad, and the most noise."""
     twists, slide, spin, noise, wide = pad.twists, 0.0, 0.0, 0.0, 0.0
@@ -273,7 +273,7 @@ def largest_twists(pad: HeldPad) -> Triple:
     return slide * wide, spin * wide, noise
 
 
-@compiled
+@compiled_part
 def most_worst(moved: Moved, twists: Triple) -> float:
     """Return a bound of the normal force that friction needs under a load, from the result of `largest_twists`, N.
 

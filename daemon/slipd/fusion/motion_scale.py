@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from slipd.fusion.compiled import compiled
+from slipd.fusion.compiled import compiled, compiled_part
 from slipd.fusion.held_pad import (
     MOST,
     HeldPad,
@@ -50,7 +50,7 @@ def held_ratio(
     return worst
 
 
-@compiled
+@compiled_part
 def _changed(rest: Array, swing: Array, scale: float) -> tuple[Triple, Triple]:
     return (
         (rest[0] + scale * swing[0], rest[1] + scale * swing[1], rest[2] + scale * swing[2]),
@@ -163,7 +163,7 @@ def check_points(
     return worst.used, worst.point, worst.side, worst.tips, min(worst.lack_n, MOST), scale
 
 
-@compiled
+@compiled_part
 def _worse(
     worst: Worst, point: int, side: int, pad: HeldPad, moved: Moved, largest: Triple, safety: float, each: Array
 ) -> Worst:
@@ -182,7 +182,7 @@ def _worse(
     return Worst(worst.used, worst.point, worst.side, worst.tips, lack_n, max(ratio, worst.ratio), at)
 
 
-@compiled
+@compiled_part
 def _scale_of_all(
     first: HeldPad, second: HeldPad, rest: Array, swing: Array, safety: float, scale: float,
     bounds: tuple[Triple, Triple], each: Array,
@@ -205,7 +205,7 @@ def _scale_of_all(
     return 0.0
 
 
-@compiled
+@compiled_part
 def _holds(pad: HeldPad, moved: Moved, largest: Triple, safety: float, each: Array) -> bool:
     """Return whether a pad holds a load; where it must hold it, without solving it."""
     surely = not moved.begun and safety * max(most_worst(moved, largest), moved.tipped) <= moved.normal
