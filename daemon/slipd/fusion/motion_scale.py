@@ -188,21 +188,19 @@ def _scale_of_all(
     bounds: tuple[Triple, Triple], each: Array,
 ) -> float:  # fmt: skip
     """Return the largest factor on ``swing`` with which all points hold, where that of one point is ``scale``."""
-    for _ in range(SCALE_PASSES):
-        lower = scale
-        for k in range(rest.shape[0]):
-            if lower == 0.0:
-                return 0.0
-            felt, couple = _changed(rest[k], swing[k], lower)
-            if not (
-                _holds(first, moved_load(first, felt, couple), bounds[0], safety, each)
-                and _holds(second, moved_load(second, felt, couple), bounds[1], safety, each)
-            ):
-                lower = largest_scale(first, second, rest[k], swing[k], safety, lower, each)
-        if lower == scale:
+    count, held = rest.shape[0], 0
+    for step in range(SCALE_PASSES * count):
+        if scale == 0.0 or held == count:
             return scale
-        scale = lower
-    return 0.0
+        k = step % count
+        felt, couple = _changed(rest[k], swing[k], scale)
+        if _holds(first, moved_load(first, felt, couple), bounds[0], safety, each) and _holds(
+            second, moved_load(second, felt, couple), bounds[1], safety, each
+        ):
+            held += 1
+        else:
+            scale, held = largest_scale(first, second, rest[k], swing[k], safety, scale, each), 1
+    return scale if held == count else 0.0
 
 
 @compiled_part
