@@ -6,8 +6,8 @@ with another seed.
 
 from __future__ import annotations
 
+import argparse
 import itertools
-import sys
 import time
 from collections.abc import Callable
 
@@ -200,9 +200,20 @@ class Fed:
             (self.arm if event.link == "arm" else self.force).append(time.perf_counter_ns() - begin_ns)
 
 
+MEASURES: dict[str, Callable[..., None]] = {
+    "limits": measure_limits, "simulated": measure_simulated, "time": measure_time, "latency": measure_latency
+}  # fmt: skip
+
+
+def main() -> None:
+    """Measure one of the four."""
+    parser = argparse.ArgumentParser(prog="python -m motion", description="Measure the advice on motion.")
+    parser.add_argument("measure", choices=MEASURES)
+    parser.add_argument("count", type=int, nargs="?", default=1000, help="default: %(default)s")
+    parser.add_argument("first", type=int, nargs="*", help="first seed, of simulated motions")
+    chosen = parser.parse_args()
+    MEASURES[chosen.measure](chosen.count, *chosen.first)
+
+
 if __name__ == "__main__":
-    what, *numbers = sys.argv[1:]
-    measures: dict[str, Callable[..., None]] = {
-        "limits": measure_limits, "simulated": measure_simulated, "time": measure_time, "latency": measure_latency
-    }  # fmt: skip
-    measures[what](*(map(int, numbers) if numbers else (1000,)))
+    main()

@@ -1,6 +1,6 @@
 """Measure slipd on the real contacts of this repository: objects that a robot pushes over a board.
 
-    PYTHONPATH=tests/support:benchmarks python -m realdata [--folder FOLDER] [--markdown] [RUN …]
+    PYTHONPATH=tests/support:benchmarks python -m realdata [--folder FOLDER] [RUN …]
 
 Every run of ``tests/data/pushes/runs`` is imported as by ``slipd import pushes``, replayed through the engine, and
 compared with the motion capture: onsets, share of sliding reported, reports at rest, μ, and λ at the onset. Beside it

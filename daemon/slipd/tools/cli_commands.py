@@ -39,7 +39,7 @@ SERVICE = (
         required=True,
     ),
     argument("--program", type=Path, metavar="FILE", help="the installed slipd (default: this one)"),
-    argument("--root", type=Path, default=Path("/"), metavar="DIR", help="write below DIR, for packages"),
+    argument("--root", type=Path, default=Path("/"), metavar="DIR", help="of --system: write below DIR, for packages"),
 )
 
 

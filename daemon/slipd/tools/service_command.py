@@ -44,7 +44,8 @@ def install(root: Path, program: Path | None = None, *, system: bool) -> None:
         system: For all users; else for this user.
 
     Raises:
-        SlipdError: A file cannot be written, the existing unit is not slipd's, or systemd could not start the program.
+        SlipdError: A file cannot be written, the existing unit is not slipd's, systemd could not start the program, or
+            the service of one user is to be written below a root.
     """
     program = program or own_program()
     hidden = [program.resolve(), Path(sys.executable).resolve()] if root == Path("/") else []
@@ -95,6 +96,8 @@ def _unit(root: Path, *, system: bool) -> Path:
     """Return where systemd finds the unit."""
     if system:
         return root / "etc/systemd/system/slipd.service"
+    if root != Path("/"):
+        raise SlipdError("--root is for the service of all users: name --system")
     home = Path(os.environ.get("XDG_CONFIG_HOME") or "~/.config").expanduser()
     return home / "systemd/user/slipd.service"
 
