@@ -195,9 +195,9 @@ def _print(name: str, carries: list[Carry], oracles_s: list[tuple[float, ...]]) 
 
 def main() -> None:
     """Measure."""
-    parser = argparse.ArgumentParser(prog="python -m advice", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m advice", description=__doc__.splitlines()[0])
     parser.add_argument("number", type=int, nargs="?", default=200, help="glasses (default: %(default)s)")
-    parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--processes", type=int, default=1, help="default: %(default)s")
     parser.add_argument("--each", action="store_true", help="print each glass")
     chosen = parser.parse_args()
     with ProcessPoolExecutor(chosen.processes) as pool:

@@ -113,7 +113,7 @@ PROGRAMS: dict[str, Callable[..., None]] = {
 
 def main() -> None:
     """Run one of the programs."""
-    parser = argparse.ArgumentParser(prog="python -m carry", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m carry", description=__doc__.splitlines()[0])
     parser.add_argument("program", choices=PROGRAMS)
     parser.add_argument("count", type=int, nargs="?", default=200, help="number of grasps (default: %(default)s)")
     parser.add_argument("first", type=int, nargs="?", default=0, help="seed of the first one (default: %(default)s)")

@@ -87,16 +87,6 @@ IMAGE: dict[str, Mapping[str, object]] = {
     "centroid: noise": {"motion.image_fit.STDS": 0.0},
 }
 """Of the image before a force sensor and of the high band, in `slipd.motion`."""
-PADS: dict[str, Mapping[str, object]] = {
-    "source: image": {"grasp.pad_motion.BACKGROUND": inf},
-    "belief by the load": {"grasp.pad_motion.BELIEF_AT_LIMIT": 0.0},
-    "belief beside a still pad": {"grasp.pad_motion.LEAST_SURPRISE": 0.0},
-    "belief: ahead": {"grasp.pad_motion.AHEAD": 0.0},
-    "belief: carried": {"grasp.pad_motion.NEAR_CARRIED": 0.0},
-    "image: own background": {"grasp.pad_motion.FOLLOW": 0.0},
-    "image: same grip": {"grasp.pad_motion.MOST_SQUEEZE": inf},
-}
-"""Of pads that measure the force, in `slipd.grasp.pad_motion`."""
 
 
 @contextmanager

@@ -33,7 +33,7 @@ WARNS = """['left', 'right'].every((finger) => slipd.cards.get(finger)?.level.te
 
 def main() -> int:
     """Make the pictures; return the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m livepage.pictures", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m livepage.pictures", description=__doc__.splitlines()[0])
     parser.add_argument("--into", type=Path, default=DOCS, metavar="FOLDER", help="default docs")
     options = parser.parse_args()
     if MISSING:

@@ -78,7 +78,9 @@ def measure_limits(count: int) -> None:
         parts.append(found.acceleration_mps2 / largest(grip, gravity, found.worst_direction))
     print(f"limits above the true one: {above} of {checked} (of {count} grips, {count - checked} do not hold at rest)")
     print(f"orientations that use more than reported: {turns} of {count}; time scales that do not hold: {scales}")
-    print("limit over the true one in the worst direction: p5, p50, p95", np.percentile(parts, (5, 50, 95)).round(3))
+    if parts:
+        shares = np.percentile(parts, (5, 50, 95)).round(3)
+        print("limit over the true one in the worst direction: p5, p50, p95", shares)
 
 
 def random_motion(rng: np.random.Generator, gravity: Array) -> Array:

@@ -67,7 +67,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m realdata.labelled", description="Score slipd on labelled trials.")
     parser.add_argument("set", choices=["arq", "papillarray"])
     parser.add_argument("words", nargs="+", metavar="FILE", help="arq: a file and its experiments; else: files")
-    parser.add_argument("--config", type=Path, metavar="FILE")
+    parser.add_argument("--config", type=Path, metavar="FILE", help="default: the shipped config of the set")
     options = parser.parse_args(argv)
     first, *rest = options.words
     reads: list[Callable[[], TaxelTrial]] = [partial(read_papillarray, Path(word)) for word in options.words]
