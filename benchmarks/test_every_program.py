@@ -61,6 +61,7 @@ def test_every_program_has_help(name: str, monkeypatch: pytest.MonkeyPatch, caps
     assert f"usage: python -m {name} " in capsys.readouterr().out
 
 
+@pytest.mark.timeout(340)  # a change of the kernels compiles them here
 @pytest.mark.parametrize(("command", "says"), LEAST)
 def test_the_least_run_of_a_program(
     command: str, says: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
