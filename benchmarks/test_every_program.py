@@ -9,6 +9,8 @@ import sys
 import pytest
 from project import ROOT
 
+pytestmark = pytest.mark.filterwarnings("ignore:.*found in sys.modules:RuntimeWarning")  # it was imported before
+
 PROGRAMS = ROOT / "benchmarks"
 MODULES = {
     ".".join(path.relative_to(PROGRAMS).with_suffix("").parts): path.read_text(encoding="utf-8")
@@ -50,7 +52,6 @@ def run(monkeypatch: pytest.MonkeyPatch, command: str) -> None:
     runpy.run_module(name, run_name="__main__", alter_sys=True)
 
 
-@pytest.mark.filterwarnings("ignore:.*found in sys.modules:RuntimeWarning")
 @pytest.mark.parametrize("name", WITH_HELP)
 def test_every_program_has_help(name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     try:
