@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
+from numba.extending import register_jitable
 
 from slipd.types.source_stamp import source_stamp
 
@@ -49,17 +50,17 @@ def compiled_sum(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def compiled_part(function: Callable[P, R]) -> Callable[P, R]:
-    """Do what `compiled` does for a kernel that only kernels call; a call from Python ends the process."""
+    """Do what `compiled` does for a kernel that only kernels call; Python that calls it runs it uncompiled."""
     return _compile_part(function, fastmath=False)
 
 
 def compiled_sum_part(function: Callable[P, R]) -> Callable[P, R]:
-    """Do what `compiled_sum` does for a kernel that only kernels call; a call from Python ends the process."""
+    """Do what `compiled_sum` does for a kernel that only kernels call; Python that calls it runs it uncompiled."""
     return _compile_part(function, fastmath=_ANY_ORDER)
 
 
 def _compile(function: Callable[P, R], fastmath: bool | set[str]) -> Callable[P, R]:
-    options = _options(fastmath, for_python=True)
+    options = _options(fastmath)
     try:
         kernel = numba.njit(cache=True, **options)(function)
         if kernel is not function:  # NUMBA_DISABLE_JIT returns the function itself
@@ -72,19 +73,14 @@ def _compile(function: Callable[P, R], fastmath: bool | set[str]) -> Callable[P,
 
 
 def _compile_part(function: Callable[P, R], fastmath: bool | set[str]) -> Callable[P, R]:
-    part = numba.njit(**_options(fastmath, for_python=False))(function)
-    PARTS.append(part)
-    return cast("Callable[P, R]", part)
+    PARTS.append(function)
+    part: Callable[P, R] = register_jitable(**_options(fastmath), no_cpython_wrapper=True)(function)
+    return part
 
 
-def _options(fastmath: bool | set[str], for_python: bool) -> dict[str, Any]:
+def _options(fastmath: bool | set[str]) -> dict[str, Any]:
     """Return what Numba is told of any kernel; C calls none."""
-    return {
-        "error_model": "numpy",
-        "fastmath": fastmath,
-        "no_cfunc_wrapper": True,
-        "no_cpython_wrapper": not for_python,
-    }
+    return {"error_model": "numpy", "fastmath": fastmath, "no_cfunc_wrapper": True}
 
 
 def _warn_of_no_cache(reason: str) -> None:

@@ -50,7 +50,7 @@ def test_a_kernel_calls_only_kernels_of_its_own_file_and_of_fusion() -> None:
 
 
 def test_only_kernels_call_a_part() -> None:
-    """A part has no code for Python: a call from there ends the process with SIGSEGV."""
+    """A part has no compiled code for Python: a call from there is slow."""
     trees = [ast.parse(path.read_text()) for path in ROOT.rglob("*.py")]
     parts = {name for tree in trees for name in kernels(tree, PARTS)}
     assert len(parts) > 30
