@@ -250,7 +250,7 @@ def test_a_failure_that_lasts_is_told_once_and_so_is_its_end(
         *((1, Health.ERROR, "b"), (1, Health.OK, ""), (1, Health.OK, ""), (2, Health.STALE, "a")),
     ):
         clock.sleep(seconds)
-        feed._tell(level, why)
+        feed._report(level, why)
     told = "slipctl: no motion is sent: a\nslipctl: no motion is sent: b\nslipctl: the motion is sent again\n"
     assert capsys.readouterr().err == told
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -22,7 +23,7 @@ FILLED_IN = {
     "counts_per_n = [1.0, 1.0, 1.0]  # MEASURE": "period_ms = 10\ncounts_per_n = [20.0, 20.0, 20.0]  #",
     "counts_per_nm = [1.0, 1.0, 1.0]  # MEASURE": "counts_per_nm = [1000.0, 1000.0, 1000.0]  #",
     "axis_scale = [1.0]  # MEASURE": "axis_scale = [0.0005]  #",
-    "threshold = 0.0         # MEASURE": "threshold = 0.005         #",
+    "threshold = 0.0  # MEASURE": "threshold = 0.005  #",
     "charge_tau_s = 2.0  # MEASURE": "charge_tau_s = 2.0  #",
 }
 """What a person fills in after ``slipd init``, from data sheets and drawings."""
@@ -41,6 +42,7 @@ class Person(GuidedEngine):
 
 
 def replaced(text: str, changed: dict[str, str]) -> str:
+    text = re.sub(" +# MEASURE", "  # MEASURE", text)
     for old, new in changed.items():
         assert old in text, old
         text = text.replace(old, new)
