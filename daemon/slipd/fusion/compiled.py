@@ -79,7 +79,7 @@ def _compile_part(function: Callable[P, R], fastmath: bool | set[str]) -> Callab
 
 
 def _options(fastmath: bool | set[str]) -> dict[str, Any]:
-    """Return what Numba is told of any kernel; C calls none."""
+    """Return the options that all kernels share. None is called from C, so none has a C wrapper."""
     return {"error_model": "numpy", "fastmath": fastmath, "no_cfunc_wrapper": True}
 
 

@@ -42,7 +42,7 @@ class RecordingState:
         self._due: list[Record] = []
 
     def newest(self) -> tuple[RecordingChanged, RecordingChanged | None]:
-        """Return the newest recording on request, and that of the whole run; None where there is none."""
+        """Return the newest requested recording and the recording of the whole run, each None if absent."""
         return self.requested, self.whole_run
 
     def start(self, request: Request, t_ns: int) -> None:

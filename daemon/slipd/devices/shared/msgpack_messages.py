@@ -246,7 +246,7 @@ class MsgpackScanner(FrameScanner, Generic[MessageT]):
         return length
 
     def _next_try(self, buffer: bytes, at: int) -> int:
-        """Return the first place from ``at`` on that may be checked, -1 if there is none."""
+        """Return the index of the next byte from ``at`` on where a message may begin; -1 if there is none."""
         self._tries += 1
         allowed = self._done + (self._tries - FREE_TRIES) * self._bytes_per_try - self._damage
         begin = self._begin.search(buffer, max(at, allowed))
