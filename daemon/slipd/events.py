@@ -156,11 +156,15 @@ FirstEvents = tuple[StateRestored | LinkUp, ...]
 Event = Bytes | LinkUp | LinkDown | Request | Tick | RecordingChanged | IncidentsChanged | HostNotice | StateRestored
 
 
+Body = dict[str, Any]
+"""A map on the wire: a message, the result of a reply, or a part of either. What is not known is None, never NaN."""
+
+
 class Publish(NamedTuple):
     """A message for every subscriber of ``topic``; ``frame`` is that of its vectors, one for each finger."""
 
     topic: str
-    body: dict[str, Any]
+    body: Body
     frame: str = ""
 
 
@@ -177,7 +181,7 @@ class Reply:
     """The answer to a request of ``client``."""
 
     client: bytes
-    body: dict[str, Any]
+    body: Body
 
 
 @dataclass(slots=True, frozen=True)

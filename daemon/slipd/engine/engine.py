@@ -224,7 +224,7 @@ class Engine:
             if batch is not None:
                 self._publish_batches(publisher, (batch,), t_ns, out)
             publisher.publish_image(acquired_ns, out)
-            if found := self._motion.update_pads():
+            if finger.force is None and (found := self._motion.update_pads()):
                 self._report_motion(found, t_ns, out)
             if arrival.waited_ns:
                 self._publish_batches(publisher, finger.decide_delayed(t_ns, arrival.unread_ns), t_ns, out)

@@ -6,15 +6,16 @@ from math import isfinite, nan
 from typing import cast
 
 from slipd.config import Rates
-from slipd.events import Output
+from slipd.events import Body, Output
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState, VerdictBatch
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
 from slipd.friction.friction_state import FrictionState
 from slipd.fusion.verdict_numbers import MODELS
-from slipd.publish.message_sequencer import Body, MessageSequencer, Pace, array
-from slipd.types.arrays import finite_or_none
+from slipd.publish.message_sequencer import MessageSequencer
+from slipd.publish.pace import Pace
+from slipd.types.arrays import finite_list, finite_or_none
 from slipd_client.messages import (
     LEVELS,
     SEVERITY,
@@ -121,7 +122,7 @@ def tactile_body(finger: Finger, image: ImageChannel) -> Body:
         "loads_n": image.pressure.tolist() if known else None,
         "active": None if shape is None else shape.active,
         "area_m2": None if shape is None else shape.area_m2,
-        "centroid_m": None if shape is None else array(shape.centroid_m),
+        "centroid_m": None if shape is None else finite_list(shape.centroid_m),
         "axis_rad": None if shape is None else finite_or_none(shape.axis_rad),
         "elongation": None if shape is None else finite_or_none(shape.elongation),
         "holes": None if shape is None else shape.holes,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from slipd.events import Output
+from slipd.events import Body, Output
 from slipd.grasp.grasp_view import GraspView, HoldState
 from slipd.grasp.motion_advice import MotionAdvice
 from slipd.grasp.motion_answers import MotionLimits
@@ -11,8 +11,10 @@ from slipd.gripper.grip_policy import NoGripper
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.lease import Lease
 from slipd.gripper.reflex import ReflexAct
-from slipd.publish.message_sequencer import Body, MessageSequencer, Pace, array, finite
-from slipd_client.messages import GRASP_TOPIC, MOTION_TOPIC, level_code
+from slipd.publish.message_sequencer import MessageSequencer
+from slipd.publish.pace import Pace
+from slipd.types.arrays import finite_fields, finite_list
+from slipd_client.messages import GRASP_TOPIC, LEVELS, MOTION_TOPIC
 
 GRASP_FRAME = "gripper"
 MOST_HZ = 10.0
@@ -58,21 +60,21 @@ def grasp_body(view: GraspView, hold: HoldState, t_ns: int) -> Body:
         "state": hold.word,
         "state_t_ns": hold.since_ns,
         "level": state.level,
-        "level_code": level_code(state.level),
+        "level_code": LEVELS.index(state.level),
         "reasons": list(state.reasons),
         "evidence": {name: list(found) for name, found in view.evidence().items()},
         "internal_n": state.internal_n,
         "grip_needed_n": state.grip_needed_n,
         "utilisation": state.utilisation,
-        "external_force_n": array(load.external_force_n),
-        "external_torque_nm": array(load.external_torque_nm),
+        "external_force_n": finite_list(load.external_force_n),
+        "external_torque_nm": finite_list(load.external_torque_nm),
         "load_share": None if share is None else {first: share, second: 1.0 - share},
         "asymmetry": load.asymmetry,
         "width_m": state.width_m,
         "object": object_body(view.object),
         "age_s": load.age_s,
     }
-    return finite(body)
+    return finite_fields(body)
 
 
 def object_body(held: ObjectState) -> Body:
@@ -105,7 +107,7 @@ def gripper_body(gripper: GripperControl, t_ns: int, act: ReflexAct | None = Non
         "reflex": None if act is None else {"force_n": act.force_n, "from_n": act.from_n, "reason": act.reason},
         "age_s": None if sample is None else (t_ns - sample.t_ns) * 1e-9,
     }
-    return finite(body)
+    return finite_fields(body)
 
 
 def lease_body(lease: Lease, t_ns: int) -> Body:
@@ -142,16 +144,16 @@ class MotionPublisher:
 def motion_body(advice: MotionAdvice, limits: MotionLimits) -> Body:
     """Return ``motion``: how fast the arm may go."""
     along = limits.accelerations_mps2
-    return finite(
+    return finite_fields(
         {
             "finger": limits.finger,
             "mode": limits.mode,
             "utilisation": limits.utilisation,
             "acceleration_limit_mps2": limits.acceleration_mps2,
-            "worst_direction": array(limits.worst_direction),
+            "worst_direction": finite_list(limits.worst_direction),
             "acceleration_limits_mps2": None if along is None else list(along),
             "turn_utilisation": limits.turn_utilisation,
-            "worst_gravity_mps2": array(limits.worst_gravity_mps2),
+            "worst_gravity_mps2": finite_list(limits.worst_gravity_mps2),
             "angular_acceleration_limit_radps2": limits.angular_acceleration_radps2,
             "safety": advice.safety,
             "grip_needed_n": limits.grip_needed_n,

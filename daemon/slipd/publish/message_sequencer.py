@@ -1,41 +1,13 @@
-"""Head and values of every message, and the largest rate of a topic. What is not known is nil, never 0, NaN or inf."""
+"""Head of every message: its number, its times, the run and the config."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from math import isfinite
-from typing import Any
-
-from slipd.events import Publish
-from slipd.types.arrays import Array
+from slipd.events import Body, Publish
 from slipd.types.clocks import WallClock
 from slipd_client.messages import PROTOCOL_VERSION
 
-Body = dict[str, Any]
-"""A map on the wire: a message, the result of a reply, or a part of either."""
 NO_FRAME = ""
 """Frame of messages without vectors."""
-
-
-def finite(body: Body) -> Body:
-    """Set every number of a body that is not finite to None, and every list of numbers that has such a number."""
-    for key, value in body.items():
-        if isinstance(value, float):
-            if not isfinite(value):
-                body[key] = None
-        elif type(value) is list and value and isinstance(value[0], float) and not all(map(isfinite, value)):
-            body[key] = None
-    return body
-
-
-def numbers(values: Sequence[float]) -> list[float] | None:
-    """Return numbers as a list; None where one of them is not finite."""
-    return list(values) if all(map(isfinite, values)) else None
-
-
-def array(values: Array | None) -> list[float] | None:
-    """Return an array as a list; None for None, and where a number is not finite."""
-    return None if values is None else numbers(values.tolist())
 
 
 class MessageSequencer:
@@ -58,7 +30,7 @@ class MessageSequencer:
         """Number of messages so far."""
         return sum(self._seq.values())
 
-    def message(self, topic: str, t_ns: int, frame: str, body: dict[str, Any]) -> Publish:
+    def message(self, topic: str, t_ns: int, frame: str, body: Body) -> Publish:
         """Return the next message of a topic.
 
         Args:
@@ -80,27 +52,3 @@ class MessageSequencer:
             **body,
         }
         return Publish(topic, whole, frame)
-
-
-class Pace:
-    """Let at most ``rate_hz`` messages of a topic pass, and one more where what they state has changed.
-
-    It goes by the time of their data, without drift against that time.
-
-    Attributes:
-        due_ns: Time from which the next message passes.
-    """
-
-    def __init__(self, rate_hz: float) -> None:
-        self._period_ns = round(1e9 / rate_hz)
-        self.due_ns = 0
-        self._stated: object = None
-
-    def passes(self, t_ns: int, stated: object = None) -> bool:
-        """Return whether a message about ``t_ns`` passes: it is due, or states something else than the one before."""
-        before, self._stated = self._stated, stated
-        if t_ns < self.due_ns:
-            return stated != before
-        late = t_ns - self.due_ns
-        self.due_ns = self.due_ns + self._period_ns if late < self._period_ns else t_ns + self._period_ns
-        return True

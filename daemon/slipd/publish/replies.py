@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from slipd.events import RecordingChanged
+from slipd.events import Body, RecordingChanged
 from slipd.finger.finger import Finger
 from slipd.finger.finger_tares import Tares
 from slipd.finger.force_channel import ForceChannel
@@ -12,8 +12,7 @@ from slipd.grasp.grasp_view import NamedObject
 from slipd.grasp.motion_answers import MotionCheck
 from slipd.gripper.gripper_control import GripperControl
 from slipd.publish.finger_messages import friction_body, friction_setter_body
-from slipd.publish.message_sequencer import Body, finite
-from slipd.types.arrays import finite_or_none
+from slipd.types.arrays import finite_fields, finite_or_none
 from slipd.types.permit import Refusal
 from slipd_client.messages import PROTOCOL_VERSION
 
@@ -130,7 +129,7 @@ def recording_file(recording: RecordingChanged) -> Body:
 
 def motion_checked(found: MotionCheck) -> Body:
     """Return whether the present grip holds a motion."""
-    return finite(
+    return finite_fields(
         {
             "utilisation": found.utilisation,
             "at_s": found.at_s,

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from slipd import __version__
-from slipd.events import HostNotice, IncidentsChanged, Output, RecordingChanged
+from slipd.events import Body, HostNotice, IncidentsChanged, Output, RecordingChanged
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
@@ -18,7 +18,8 @@ from slipd.links.link_health import Condition, link_condition
 from slipd.links.stream_meter import StreamMeter
 from slipd.publish.finger_messages import friction_setter_body, tare_body
 from slipd.publish.grasp_messages import gripper_body, lease_body
-from slipd.publish.message_sequencer import NO_FRAME, Body, MessageSequencer, Pace
+from slipd.publish.message_sequencer import NO_FRAME, MessageSequencer
+from slipd.publish.pace import Pace
 from slipd.rig import GRIPPER_LINK, Rig
 from slipd.types.arrays import finite_or_none
 from slipd.types.device_text import one_line

@@ -6,12 +6,11 @@ lenient: a tare and its undo shift every force, and a larger μ makes a slipping
 
 from __future__ import annotations
 
-from slipd.events import Request
+from slipd.events import Body, Request
 from slipd.finger.finger import Finger
 from slipd.finger.finger_tares import Tares
 from slipd.gripper.lease import Lease
 from slipd.publish import replies
-from slipd.publish.message_sequencer import Body
 from slipd.requests.motion_handlers import Handler
 from slipd.rig import Rig
 from slipd.signals.gravity import FRESH_NS, gravity_fault

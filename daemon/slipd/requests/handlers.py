@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from slipd.events import RecordingChanged, Reply, Request
+from slipd.events import Body, RecordingChanged, Reply, Request
 from slipd.publish import replies
-from slipd.publish.message_sequencer import Body
 from slipd.requests.finger_handlers import FingerHandlers, require_lease
 from slipd.requests.idempotency import IdempotencyCache
 from slipd.requests.motion_handlers import Handler, check_motion, grip_handlers

@@ -13,14 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from slipd.events import Request
+from slipd.events import Body, Request
 from slipd.grasp.motion_advice import MotionAdvice
 from slipd.gripper.grip_policy import NoGripper
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.intent import IntentKind
 from slipd.gripper.lease import Lease
 from slipd.publish import replies
-from slipd.publish.message_sequencer import Body
 from slipd.signals.gravity import MOST_GRAVITY_MPS2
 from slipd.types.arrays import Array
 from slipd.types.permit import Refusal, RefusalError, require

@@ -16,7 +16,6 @@ from nanoseconds import MS, T0
 from slipd.config import Config, Levels
 from slipd.finger.finger import Finger
 from slipd.publish.finger_messages import slip_body, tactile_body, wrench_body
-from slipd.publish.message_sequencer import array, finite
 from slipd.types.samples import WrenchSample
 
 FULL = np.full((4, 4), 100)
@@ -233,13 +232,6 @@ def test_tactile_has_the_load_of_every_taxel_and_the_shape_of_the_contact(
     body = tactile_body(finger, finger.image)
     assert nil(body) == unknown
     assert {key: body[key] for key in expected | GRID} == expected | GRID
-
-
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, np.float64(math.nan)])
-def test_what_is_not_finite_is_nil(value: float) -> None:
-    body = {"a": value, "b": [1.0, value], "c": [1.0, 2.0], "d": 1.5, "e": ["x"], "f": [], "g": None}
-    assert finite(body) == {"a": None, "b": None, "c": [1.0, 2.0], "d": 1.5, "e": ["x"], "f": [], "g": None}
-    assert array(None) is None
 
 
 def test_only_calibrated_forces_are_in_newtons(
