@@ -21,7 +21,7 @@ from slipd.finger.finger_state import FingerState, VerdictBatch
 from slipd.finger.finger_tares import TareGuard
 from slipd.finger.force_channel import ForceChannel, WrenchBatch
 from slipd.finger.force_image_check import NO_SUMMARY, ForceImageCheck
-from slipd.finger.freshness import PROMPT, Arrival, DelayedRead, pop_served
+from slipd.finger.freshness import PROMPT, Arrival, ForceRead, pop_served
 from slipd.finger.image_channel import ImageChannel, wrench_by_taxels
 from slipd.finger.trust import ContactPresence, Trust
 from slipd.finger.verdict import PAD_FREE, ROTATION_UNOBSERVED, STREAM_STALE, Verdict
@@ -88,7 +88,7 @@ class Finger:
         self.motion: ContactMotion | None = None
         if wrench is not None and self.image is not None and not self.image.three_axis:
             self.motion = ContactMotion(wrench, self.image)
-        self._delayed: deque[DelayedRead] = deque()
+        self._delayed: deque[ForceRead] = deque()
         self._newest: FingerState | VerdictBatch = FingerState(0, STREAM_STALE)
         self.level, self._is_stale = self._newest.verdict.level, True
         self._tares = [channel.tare for channel in self.channels.values()]
@@ -103,9 +103,9 @@ class Finger:
     def decide(
         self, samples: Sequence[WrenchSample], times_ns: Sequence[int], arrival: Arrival = PROMPT
     ) -> Iterable[VerdictBatch]:
-        """Return the verdicts on the force readings of one read, while a tare is measured one by one.
+        """Return the verdicts on the force readings of one read: one batch, or one for each while a tare is measured.
 
-        Readings that waited for the daemon may first wait for the image of their time; see `decide_delayed`.
+        After a stall of the daemon, readings may first wait for the image of their time; see `decide_delayed`.
 
         Args:
             samples: The readings, received together.
@@ -119,41 +119,36 @@ class Finger:
         if force is None:
             raise ValueError(f"finger {self.name} has no force sensor")
         if arrival.waited_ns or self._delayed:
-            self._delayed.append(DelayedRead(samples, times_ns, arrival))
+            self._delayed.append(ForceRead(samples, times_ns, arrival))
             return self.decide_delayed(samples[-1].t_ns, arrival.unread_ns)
-        if force.waited_undated or force.tare.busy:
-            return self._decide_singly(force, samples, times_ns, arrival)
+        if force.tare.busy or force.waited_undated:
+            return self._judge_reads(force, (ForceRead(samples, times_ns, arrival),))
         return (self._judge(force.condition(samples, times_ns, self._is_untouched), arrival),)
 
-    def _decide_singly(
-        self,
-        force: ForceChannel,
-        samples: Sequence[WrenchSample],
-        times_ns: Sequence[int],
-        arrival: Arrival,
-        t_ns: int | None = None,
-    ) -> Iterator[VerdictBatch]:
-        """Yield verdicts, one by one while a tare is measured; ``t_ns``: now, if the readings were delayed."""
-        force.begin_read(times_ns[0], arrival)
-        step = 1 if force.tare.busy else len(samples)
-        for k in range(0, len(samples), step):
-            readings = force.condition(samples[k : k + step], times_ns[k : k + step], self._is_untouched)
-            yield self._judge(readings if t_ns is None else readings._replace(received_ns=t_ns), arrival)
-
-    def decide_delayed(self, t_ns: int, unread_ns: int | None = None) -> Iterator[VerdictBatch]:
-        """Yield the verdicts on the force readings that need not wait for an image any more.
+    def decide_delayed(self, t_ns: int, unread_ns: int | None = None) -> Iterable[VerdictBatch]:
+        """Return the verdicts on the force readings that need not wait for an image any more.
 
         Args:
             t_ns: Now.
             unread_ns: How long the image's line counts as unread; None: it is empty, and no image is awaited.
         """
         if self.force is None or not self._delayed:
-            return
+            return ()
         image, until_ns = self.image, None
         if unread_ns and image is not None and image.is_fresh(t_ns, unread_ns):
             until_ns = image.freshness.serves_until_ns(t_ns - unread_ns)
-        for samples, times_ns, arrival in pop_served(self._delayed, until_ns, t_ns, unread_ns):
-            yield from self._decide_singly(self.force, samples, times_ns, arrival, t_ns)
+        return self._judge_reads(self.force, pop_served(self._delayed, until_ns, t_ns, unread_ns), t_ns)
+
+    def _judge_reads(
+        self, force: ForceChannel, reads: Iterable[ForceRead], t_ns: int | None = None
+    ) -> Iterator[VerdictBatch]:
+        """Yield the verdicts on reads, as received at ``t_ns``; None: when they were."""
+        for samples, times_ns, arrival in reads:
+            force.begin_read(times_ns[0], arrival)
+            step = 1 if force.tare.busy else len(samples)
+            for k in range(0, len(samples), step):
+                readings = force.condition(samples[k : k + step], times_ns[k : k + step], self._is_untouched)
+                yield self._judge(readings if t_ns is None else readings._replace(received_ns=t_ns), arrival)
 
     def update_image(
         self, sample: TactileSample, acquired_ns: int | None = None, arrival: Arrival = PROMPT

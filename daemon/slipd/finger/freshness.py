@@ -126,17 +126,15 @@ class Freshness:
         return self.acquired_ns + self.stale_ns
 
 
-class DelayedRead(NamedTuple):
-    """Force readings that wait for the image of their time: arguments of `Finger.decide`."""
+class ForceRead(NamedTuple):
+    """Force readings of one read: the arguments of `Finger.decide`, while they wait for the image of their time."""
 
     samples: Sequence[WrenchSample]
     times_ns: Sequence[int]
     arrival: Arrival
 
 
-def pop_served(
-    reads: deque[DelayedRead], until_ns: int | None, t_ns: int, unread_ns: int | None
-) -> Iterator[DelayedRead]:
+def pop_served(reads: deque[ForceRead], until_ns: int | None, t_ns: int, unread_ns: int | None) -> Iterator[ForceRead]:
     """Remove and yield the reads that the newest image serves, with the time that they have waited by now.
 
     After a stall both lines of a finger hold readings, and the force may be read first. A verdict with the image from
@@ -151,7 +149,7 @@ def pop_served(
     while reads and (until_ns is None or reads[0].times_ns[-1] <= until_ns):
         samples, times_ns, arrival = reads.popleft()
         waited_ns = arrival.waited_ns + t_ns - samples[-1].t_ns
-        yield DelayedRead(samples, times_ns, Arrival(waited_ns, unread_ns, arrival.dated))
+        yield ForceRead(samples, times_ns, Arrival(waited_ns, unread_ns, arrival.dated))
 
 
 class Lateness:
