@@ -12,6 +12,7 @@ import logging
 import signal
 from collections.abc import Callable, Coroutine, Mapping
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -33,9 +34,34 @@ log."""
 NOTICE_FAULTS = {"config": "config-kept", "realtime": "realtime-refused"}
 """Topic of a notice → id of its repair (docs/health.md)."""
 
-NO_SYSTEMD = SystemdNotifier({})
-
 _log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessControl:
+    """How a process of its own controls a run: by signals, by its config file, and through systemd.
+
+    Attributes:
+        ends: Signals that end the run, once the kernels are compiled; None: none do.
+        reload: Ends the run where the config file holds another config; None: the file is not read again.
+        config_fault: Why the config in force is not that of the file, for people; "" where it is.
+        notifier: Reports to systemd.
+    """
+
+    ends: EndSignals | None = None
+    reload: ConfigReload | None = None
+    config_fault: str = ""
+    notifier: SystemdNotifier = SystemdNotifier({})  # noqa: RUF009 - without systemd it has no state
+
+    def report_end(self) -> None:
+        """Report to systemd that the run ends, or gives way to one with another config."""
+        if self.reload is not None and self.reload.found is not None:
+            self.notifier.reloading()
+        else:
+            self.notifier.stopping()
+
+
+NO_CONTROL = ProcessControl()
 
 
 async def serve(
@@ -44,12 +70,9 @@ async def serve(
     record: Path | None = None,
     on_ready: Callable[[Endpoints], None] = lambda _: None,
     stop: asyncio.Event | None = None,
-    ends: EndSignals | None = None,
-    reload: ConfigReload | None = None,
-    notices: Mapping[str, str] = {},
-    notifier: SystemdNotifier = NO_SYSTEMD,
+    control: ProcessControl = NO_CONTROL,
 ) -> None:
-    """Run the daemon until ``stop``, a signal of ``ends``, or a config that ``reload`` finds.
+    """Run the daemon until ``stop`` is set, or the process ends the run.
 
     Resources that only one daemon may hold are claimed first, so that a second daemon is refused before it compiles its
     kernels.
@@ -59,10 +82,7 @@ async def serve(
         record: New file for every event and message; None: nothing is recorded.
         on_ready: Called once the endpoints are served and the kernels are compiled.
         stop: Setting it ends the run.
-        ends: Signals that end the run; handled from here on once the kernels are compiled.
-        reload: Waits for another config.
-        notices: Notices that ``status`` shows from the start, by topic.
-        notifier: Reports to systemd.
+        control: How the process controls the run; by default it does not.
 
     Raises:
         LinkError: An endpoint cannot be bound, a key file is invalid, or another daemon holds the runtime directory.
@@ -72,11 +92,11 @@ async def serve(
     stop = stop or asyncio.Event()
     with ExitStack() as stack:
         with interruptible():
-            run = stack.enter_context(ServiceRun(config, record, stop, notifier.status))
+            run = stack.enter_context(ServiceRun(config, record, stop, control.notifier.status))
             compile_kernels()
         raise_descriptor_limit()
-        if ends is not None:
-            ends.handle(stop)
+        if control.ends is not None:
+            control.ends.handle(stop)
         run.open()
         refused = stack.enter_context(realtime_priority(config.realtime.priority))
         asyncio.get_running_loop().set_exception_handler(run.on_loop_fault)
@@ -85,38 +105,29 @@ async def serve(
         stack.callback(gc.unfreeze)
         async with asyncio.TaskGroup() as tasks, Links(tasks, run.engine.links.values(), run.handle) as links:
             run.links = links
-            helpers = [
-                tasks.create_task(work, name=name)
-                for name, work in _helpers(run, links, config, stop, reload, notifier).items()
-            ]
+            helpers = [tasks.create_task(work, name=name) for name, work in _helpers(run, links, control).items()]
             run.report_recordings()
-            _report_notices(run, {**notices, "realtime": refused})
+            _report_notices(run, {"config": control.config_fault, "realtime": refused})
             on_ready(run.endpoints)
             run.recorders.kept = True
-            notifier.ready()
+            control.notifier.ready()
             await stop.wait()
-            (notifier.stopping if reload is None or reload.found is None else notifier.reloading)()
+            control.report_end()
             run.end()
             for helper in helpers:
                 helper.cancel()
     run.raise_failure()
 
 
-def _helpers(
-    run: ServiceRun,
-    links: Links,
-    config: Config,
-    stop: asyncio.Event,
-    reload: ConfigReload | None,
-    notifier: SystemdNotifier,
-) -> dict[str, Coroutine[Any, Any, None]]:
+def _helpers(run: ServiceRun, links: Links, control: ProcessControl) -> dict[str, Coroutine[Any, Any, None]]:
     """Return what runs beside the links, by the names of the tasks."""
+    notifier = control.notifier
     helpers = {
         "ticker": Ticker(run.tick, lambda: run.events_handled, run.engine.wall.minus_monotonic_ns).run(),
         "losses": _report_losses(links),
     }
-    if reload is not None:
-        helpers["reload"] = reload.watch(config, run.handle, stop)
+    if control.reload is not None:
+        helpers["reload"] = control.reload.watch(run.config, run.handle, run.stop)
     if notifier.watchdog_s is not None:
         checks = stage_checks(links, lambda: run.ticks_handled, run.publisher, run.requests)
         helpers["watchdog"] = watch_stages(notifier.feed, notifier.watchdog_s, checks)
@@ -223,21 +234,16 @@ async def serve_file(
                     config,
                     record=None if record is None else _free_name(record, first=before is None and refused is None),
                     on_ready=note_served,
-                    ends=ends,
-                    reload=reload,
-                    notices={"config": "" if refused is None else kept_text(refused)},
-                    notifier=notifier,
+                    control=ProcessControl(ends, reload, "" if refused is None else kept_text(refused), notifier),
                 )
             except SlipdError as error:
-                if served:
+                if served or (before is None and refused is None):
                     raise
-                if refused is not None:
+                if before is None:
                     raise SlipdError(
                         f"{file}: neither the changed config nor the one before can start\n"
                         f"  changed: {refused}\n  before: {error}"
                     ) from error
-                if before is None:
-                    raise
                 config, before, refused = before, None, error
                 _log.error("%s", kept_text(refused), extra={"slipd_fault": "config-kept"})
                 continue

@@ -55,6 +55,8 @@ class ServiceRun:
         now_ns: The clock of the run; None: CLOCK_MONOTONIC. A simulation passes its own.
 
     Attributes:
+        config: The rig.
+        stop: As above.
         recorders: All recordings of the run.
         publisher: Sends the messages; from `open` on.
         requests: Takes the requests; from `open` on.
@@ -73,8 +75,8 @@ class ServiceRun:
         self.boot = secrets.token_hex(8)
         now_ns = now_ns or time.monotonic_ns
         self.engine = Engine(config, boot=self.boot, wall_minus_monotonic_ns=time.time_ns() - now_ns())
-        self._config, self._record = config, record
-        self._stop, self._show_status, self._now_ns = stop, show_status, now_ns
+        self.config, self.stop = config, stop
+        self._record, self._show_status, self._now_ns = record, show_status, now_ns
         self.links: Links | None = None
         self._failure: BaseException | None = None
         self._over = False
@@ -84,7 +86,7 @@ class ServiceRun:
         self._stack = ExitStack()
 
     def __enter__(self) -> ServiceRun:
-        bus = self._config.bus
+        bus = self.config.bus
         with ExitStack() as stack:
             self._allowed = guard(bus)
             self._home: RuntimeDirectory | None = None
@@ -94,7 +96,7 @@ class ServiceRun:
             for endpoint, access in ((bus.publish, self._allowed.publish), (bus.requests, self._allowed.requests)):
                 if endpoint is not None:
                     check_free(endpoint, access)
-            self.recorders = RunRecorders(self._config, self.boot, self.engine.wall, self._record)
+            self.recorders = RunRecorders(self.config, self.boot, self.engine.wall, self._record)
             stack.callback(self.recorders.close)  # after the sockets, with the last messages
             self._stack = stack.pop_all()
         return self
@@ -106,14 +108,14 @@ class ServiceRun:
         """Serve the endpoints, then create the recording, so that a run that fails to start leaves no file."""
         self._open_bus()
         self.recorders.open(self._now_ns())
-        if self._config.restart.gap_s > 0.0:
-            path = state_dir() / f"state-{rig_of(self._config)}.json"
+        if self.config.restart.gap_s > 0.0:
+            path = state_dir() / f"state-{rig_of(self.config)}.json"
             self._state = self._stack.enter_context(closing(StateFile(path)))
             if (restored := self._state.read()) is not None:
                 self.handle(restored)
 
     def _open_bus(self) -> None:
-        bus, allowed, enter = self._config.bus, self._allowed, self._stack.enter_context
+        bus, allowed, enter = self.config.bus, self._allowed, self._stack.enter_context
         self.publisher = enter(Publisher(bus.publish or publish_endpoint(), allowed.publish))
         requests = RequestServer(
             bus.requests or requests_endpoint(),
@@ -175,7 +177,7 @@ class ServiceRun:
 
     def _fail(self, failure: BaseException) -> None:
         self._failure, self._over = self._failure or failure, True
-        self._stop.set()
+        self.stop.set()
 
     def raise_failure(self) -> None:
         """Raise the failure that ended the run, if there is one."""
