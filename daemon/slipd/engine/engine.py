@@ -97,32 +97,33 @@ class Engine:
         self._fingers, self._links, self._gripper = rig.fingers, rig.links, rig.gripper
         self._arm, self._lateness = rig.arm, rig.lateness
         self._clocks = [stream.clock for link in rig.links.values() for stream in link.streams.values()]
-        self._motion = HeldMotion(rig)
+        self._motion, self.kept = HeldMotion(rig), KeptState(rig)
         self._recordings = RecordingState(boot, self.wall)
-        self.kept = KeptState(rig)
         self._sequencer = sequencer = MessageSequencer(boot, config.config_id, self.wall)
         self._publishers = {name: FingerPublisher(each, sequencer, config.rates) for name, each in rig.fingers.items()}
         self._status = StatusPublisher(rig, self._recordings.newest, self.kept.problems, sequencer)
         self._handlers = RequestHandlers(rig, self._recordings, self._status.body)
+        self._readers = {name: self._reader(name) for name in config.streams()}
         self._suspended_ns: int | None = None
         self._released = False  # as of the last reading of the gripper
+        self._set_deadlines(rig, config.rates.grasp_hz)
+
+    def _set_deadlines(self, rig: Rig, grasp_hz: float) -> None:
+        """Set what passing time alone may change, in the order in which a tick looks at it."""
+        absent = Deadline(_never)
         self._silence = {name: Deadline(partial(self._check_silence, each)) for name, each in self._publishers.items()}
         self._gripper_check = Deadline(self._check_gripper)
-        self._reflex_due = Deadline(_never if rig.reflex is None else partial(self._run_reflex, rig.reflex))
-        self._writes = {
-            name: Deadline(partial(self._write_due, link))
-            for name, link in rig.links.items()
-            if link.session is not None
-        }
-        self._gripper_write = self._writes.get(GRIPPER_LINK, Deadline(_never, NEVER_NS))
-        self._readers = {name: self._reader(name) for name in config.streams()}
-        self._grasp_due = self._advice_due = Deadline(_never)
-        if rig.view is not None and rig.advice is not None:
-            self._grasp_due = Deadline(GraspPublisher(rig.view, rig.gripper, sequencer, config.rates.grasp_hz).publish)
-            self._advice_due = Deadline(MotionPublisher(rig.advice, rig.view, rig.gripper, sequencer).publish)
-        held = make_held_object(rig.view, rig.arm, rig.named)
-        weigh = Deadline(_never if held is None else partial(self._weigh, held))
         self._time_checks = [*self._silence.values(), self._gripper_check]
+        self._reflex_due = absent if rig.reflex is None else Deadline(partial(self._run_reflex, rig.reflex))
+        sessions = {name: link for name, link in rig.links.items() if link.session is not None}
+        self._writes = {name: Deadline(partial(self._write_due, link)) for name, link in sessions.items()}
+        self._gripper_write = self._writes.get(GRIPPER_LINK, absent)
+        held = make_held_object(rig.view, rig.arm, rig.named)
+        weigh = absent if held is None else Deadline(partial(self._weigh, held))
+        self._grasp_due = self._advice_due = absent
+        if rig.view is not None and rig.advice is not None:
+            self._grasp_due = Deadline(GraspPublisher(rig.view, rig.gripper, self._sequencer, grasp_hz).publish)
+            self._advice_due = Deadline(MotionPublisher(rig.advice, rig.view, rig.gripper, self._sequencer).publish)
         self._deadlines = [
             *self._time_checks, self._reflex_due, *self._writes.values(), weigh, self._grasp_due, self._advice_due,
             Deadline(self._status.publish_due),
