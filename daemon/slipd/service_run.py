@@ -144,7 +144,8 @@ class ServiceRun:
         self.events_handled += 1
         t_ns = self._now_ns() if t_ns is None else t_ns
         try:
-            self.recorders.event(event, t_ns)
+            if self.recorders.active:
+                self.recorders.event(event, t_ns)
             for output in self.engine.handle(event, t_ns):
                 self._send(output, t_ns)
         except Exception as error:  # of any kind: the run must end and report it
@@ -188,7 +189,8 @@ class ServiceRun:
         if isinstance(output, Publish):
             payload = encode(output.body)
             self.publisher.publish(output.topic, payload, output.frame)
-            self.recorders.published(output, payload, t_ns)
+            if self.recorders.active:
+                self.recorders.published(output, payload, t_ns)
             if output.topic == STATUS_TOPIC:
                 self._show_status(summary(output.body))
         elif isinstance(output, Write):

@@ -8,7 +8,7 @@ from __future__ import annotations
 import logging
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from functools import partial
@@ -44,6 +44,9 @@ class RequestedRecordings:
     Args:
         directory: Folder of the files.
         make: Returns the recorder of a file that its thread creates, given its path and the time.
+
+    Attributes:
+        running: The recording that runs; None where none does.
     """
 
     def __init__(self, directory: Path, make: Callable[[Path, int], Recorder]) -> None:
@@ -51,39 +54,34 @@ class RequestedRecordings:
         self._make = make
         self._ended: list[Recorder] = []
         self._refused: list[RecordingChanged] = []
-        self._running: Recorder | None = None
+        self.running: Recorder | None = None
 
     def handle(self, record: Record, t_ns: int) -> None:
         """Start a recording, or end the running one; `changes` returns the outcome."""
-        if self._running is not None:
-            self._running.end()
-            self._ended.append(self._running)
-            self._running = None
+        if self.running is not None:
+            self.running.end()
+            self._ended.append(self.running)
+            self.running = None
         if record.name:
             path = self._directory / record.name
             try:
-                self._running = self._start(path, t_ns)
+                self.running = self._start(path, t_ns)
             except (RecordingError, RuntimeError) as error:  # RuntimeError: the system starts no more threads
                 _log.warning("%s: %s", path, error, extra={"slipd_recording": path, "slipd_fault": "recording-failed"})
                 self._refused.append(RecordingChanged(record.name, str(path), "failed", f"{path}: {error}"))
                 return
             for event in record.opened:
-                self._running.add(EVENTS, event, t_ns)
+                self.running.add(EVENTS, event, t_ns)
 
     def _start(self, path: Path, t_ns: int) -> Recorder:
         if sum(not recorder.finished for recorder in self._ended) > MOST_UNFINISHED:
             raise RecordingError("the disk is still writing earlier recordings; try again later")
         return self._make(path, t_ns)
 
-    def add(self, topic: str, content: Event | bytes, t_ns: int) -> None:
-        """Record an event that enters the engine at ``t_ns``, or the bytes that were published because of it."""
-        if self._running is not None:
-            self._running.add(topic, content, t_ns)
-
     @property
     def size_bytes(self) -> int:
         """Size of the running recording, bytes; 0 where none runs."""
-        return 0 if self._running is None else self._running.size_bytes
+        return 0 if self.running is None else self.running.size_bytes
 
     def changes(self, t_ns: int) -> list[RecordingChanged]:
         """Return the changes that the engine must know, each once."""
@@ -91,7 +89,7 @@ class RequestedRecordings:
         changes = [*(change for recorder in self._ended if (change := recorder.poll(t_ns))), *self._refused]
         self._refused.clear()
         self._ended = [recorder for recorder in self._ended if recorder not in done]
-        if self._running is not None and (change := self._running.poll(t_ns)):
+        if self.running is not None and (change := self.running.poll(t_ns)):
             changes.append(change)
             if change.state != "running":
                 self.handle(Record(""), t_ns)
@@ -162,6 +160,7 @@ class RunRecorders:
         record: New file of the whole run; None: the config decides.
 
     Attributes:
+        active: What records now; call `event` and `published` unless it is empty.
         kept: The file of the whole run is worth keeping; it is deleted otherwise.
 
     Raises:
@@ -171,7 +170,7 @@ class RunRecorders:
     def __init__(self, config: Config, boot: str, wall: WallClock, record: Path | None) -> None:
         self._config, self._boot, self._wall, self._record = config, boot, wall, record
         self._folder = Path(config.recording.directory or state_dir())
-        self._all: list[Recorder | RequestedRecordings | Incidents] = []
+        self.active: list[Recorder | Incidents] = []
         self._whole: Recorder | None = None
         self._continuous: ContinuousRecording | None = None
         self._incidents: Incidents | None = None
@@ -182,33 +181,33 @@ class RunRecorders:
 
     def open(self, t_ns: int) -> None:
         """Create what records from the start of the run; call it once the run can start."""
-        limits = self._config.recording
+        limits, enter = self._config.recording, self._stack.enter_context
         least, most = limits.min_free_bytes, sys.maxsize
         room = Room(limits.max_bytes, least)
         check = partial(check_room, self._folder, room, limits.max_files)
         make = partial(self._begin, Recorder, room=room, prepare=partial(self._prepare, check))
-        self._requested = self._add(RequestedRecordings(self._folder, make))
-        files = self._stack.enter_context(closing(RunFiles(self._folder, self._boot)))
+        self._requested = enter(closing(RequestedRecordings(self._folder, make)))
+        files = enter(closing(RunFiles(self._folder, self._boot)))
         names = run_name(self._boot, self._wall)
         if self._record is not None:
             self._whole = self._begin(Recorder, self._record, t_ns)
-            self._all.append(self._whole)
             self._stack.callback(self._close_whole, self._whole)
         elif limits.continuous.enabled:
             rule = limits.continuous
             tidy = partial(files.delete_oldest, KIND, rule.keep_files - 1, rule.keep_bytes - rule.file_bytes)
             prepare = partial(self._prepare, tidy)
             make = partial(self._begin, Recorder, room=Room(most, least), prepare=prepare, place=files.place)
-            self._continuous = self._add(ContinuousRecording(self._folder, make, rule, names))
+            self._continuous = enter(closing(ContinuousRecording(self._folder, make, rule, names)))
         if limits.incidents.enabled:
             prepare = partial(self._prepare, partial(check_room, self._folder, Room(most, least), most))
             create = partial(self._begin, RecordingFile)
-            self._incidents = self._add(Incidents(files, limits.incidents, names, create, prepare))
+            self._incidents = enter(closing(Incidents(files, limits.incidents, names, create, prepare)))
+        self._find_active()
 
-    def _add(self, recorder: T) -> T:
-        self._all.append(recorder)  # type: ignore[arg-type]
-        self._stack.enter_context(closing(recorder))  # type: ignore[type-var]
-        return recorder
+    def _find_active(self) -> None:
+        continuous = None if self._continuous is None else self._continuous.running
+        found = self._requested.running, self._whole, continuous, self._incidents
+        self.active = [each for each in found if each is not None]
 
     def _prepare(self, then: Callable[[], None]) -> None:
         private_directory(self._folder)
@@ -231,12 +230,12 @@ class RunRecorders:
 
     def event(self, event: Event, t_ns: int) -> None:
         """Record an event that enters the engine at ``t_ns``."""
-        for recorder in self._all:
+        for recorder in self.active:
             recorder.add(EVENTS, event, t_ns)
 
     def published(self, message: Publish, payload: bytes, t_ns: int) -> None:
         """Record the bytes that were published; a warning or a loss saves the last seconds."""
-        for recorder in self._all:
+        for recorder in self.active:
             recorder.add(message.topic, payload, t_ns)
         if self._incidents is not None and message.topic == WARNING_TOPIC:
             self._incidents.note_warning(message.body, t_ns)
@@ -246,18 +245,22 @@ class RunRecorders:
     def handle(self, record: Record, t_ns: int) -> None:
         """Start or end a recording on request."""
         self._requested.handle(record, t_ns)
+        self._find_active()
 
-    def changes(self, t_ns: int, first: Callable[[], FirstEvents]) -> Iterator[Event]:
-        """Yield the changes that the engine must know, each once.
+    def changes(self, t_ns: int, first: Callable[[], FirstEvents]) -> list[Event]:
+        """Return the changes that the engine must know, each once.
 
         Args:
             t_ns: Now, CLOCK_MONOTONIC.
             first: Returns the events that precede a file that begins now.
         """
+        found: list[Event] = []
         if self._whole is not None and (change := self._whole.poll(t_ns)):
-            yield replace(change, name="")
+            found.append(replace(change, name=""))
         if self._continuous is not None:
-            yield from self._continuous.follow(t_ns, first)
+            found += self._continuous.follow(t_ns, first)
         if self._incidents is not None and (saved := self._incidents.follow(t_ns, first)):
-            yield saved
-        yield from self._requested.changes(t_ns)
+            found.append(saved)
+        found += self._requested.changes(t_ns)
+        self._find_active()
+        return found

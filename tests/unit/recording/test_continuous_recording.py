@@ -46,9 +46,9 @@ def test_K3_files_follow_each_other_by_time_without_a_gap_and_open_by_themselves
     run = Run(tmp_path, file_s=1.0)
     for n in range(30):
         run.poll(n * SECOND_NS // 10)
-        until(lambda: run.recording._running.outcome[0] == "running")
-        run.recording.add(EVENTS, Tick(n), n * SECOND_NS // 10)
-        run.recording.add("status", b"\x80", n * SECOND_NS // 10)
+        until(lambda: run.recording.running.outcome[0] == "running")
+        run.recording.running.add(EVENTS, Tick(n), n * SECOND_NS // 10)
+        run.recording.running.add("status", b"\x80", n * SECOND_NS // 10)
     run.recording.close()
     assert [path.name for path in run.files()] == [f"run-1970010{1}T00000{n}Z-b00t-000{n + 1}.mcap" for n in range(3)]
     (up, *first), *others = map(complete, run.files())
@@ -61,7 +61,7 @@ def test_a_file_that_is_large_enough_is_followed_by_the_next(tmp_path: Path) -> 
     run = Run(tmp_path, file_bytes=1_000_000)
     run.poll(0)
     for _ in range(120):
-        run.recording.add("tactile.left", os.urandom(10_000), 1)
+        run.recording.running.add("tactile.left", os.urandom(10_000), 1)
     until(lambda: run.files() and run.files()[0].stat().st_size >= 1_000_000)
     until(lambda: run.poll(2) or run.recording._count == 2)
     run.recording.close()

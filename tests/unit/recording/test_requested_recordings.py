@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 from client_peers import PATIENCE_S, until
@@ -49,6 +50,11 @@ def recordings(state: Path) -> Iterator[RequestedRecordings]:
     made.close()
 
 
+def add(recordings: RequestedRecordings, *entry: Any) -> None:
+    if recordings.running is not None:
+        recordings.running.add(*entry)
+
+
 def news(recordings: RequestedRecordings, t_ns: int = 1) -> RecordingChanged:
     """Wait for the next change."""
     found: list[RecordingChanged] = []
@@ -64,8 +70,8 @@ def test_K3_a_recording_begins_with_the_links_that_are_open_and_the_next_one_end
     for n, record in enumerate((None, Record("a.mcap", (up,)), Record("b.mcap"), Record(""))):
         if record is not None:
             recordings.handle(record, 20 * n)
-        recordings.add(EVENTS, Tick(n), 20 * n + 10)
-        recordings.add("status", b"\x80", 20 * n + 10)
+        add(recordings, EVENTS, Tick(n), 20 * n + 10)
+        add(recordings, "status", b"\x80", 20 * n + 10)
     recordings.close()
     first, second = state / "a.mcap", state / "b.mcap"
     assert complete(first) == [
@@ -82,16 +88,16 @@ def test_K3_a_recording_begins_with_the_links_that_are_open_and_the_next_one_end
 def test_K1_a_disk_that_fails_is_reported_and_nothing_else(recordings: RequestedRecordings, state: Path) -> None:
     recordings.handle(Record("full.mcap"), 0)
     assert news(recordings).state == "running"
-    recorder = recordings._running
+    recorder = recordings.running
     size = recorder.path.stat().st_size
     reason = f"{recorder.path}: the recording stopped: File too large"
     with small_disk(size + 10):
         for n in range(100):
-            recordings.add(EVENTS, Tick(n), n)
+            add(recordings, EVENTS, Tick(n), n)
         until(lambda: recorder.lost >= 100)  # the thread counts on after the failure
         assert recorder.path.stat().st_size == size, "no part of an end"
         assert news(recordings, 2) == RecordingChanged("full.mcap", str(recorder.path), "failed", reason, 100)
-        recordings.add(EVENTS, Tick(101), 101)
+        add(recordings, EVENTS, Tick(101), 101)
     recordings.handle(Record("next.mcap"), 200)
     assert news(recordings).state == "running"
     with small_disk((state / "next.mcap").stat().st_size):
@@ -130,7 +136,7 @@ def test_a_folder_that_cannot_be_used_or_is_full_or_has_the_file_keeps_a_recordi
     made.handle(Record("slipd-3.mcap"), 0)
     refused = news(made)
     assert made.changes(2) == [], "it is reported once"
-    made.add(EVENTS, Tick(1), 1)
+    add(made, EVENTS, Tick(1), 1)
     made.close()
     assert refused == RecordingChanged("slipd-3.mcap", str(tmp_path / "slipd-3.mcap"), state, refused.reason)
     assert reason in refused.reason
@@ -159,11 +165,11 @@ def test_lost_entries_are_reported_periodically(
     assert news(recordings, 1).lost == 0
     monkeypatch.setattr(writer, "QUEUE_LIMIT", 0)
     for n in range(7):
-        recordings.add(EVENTS, Tick(n), n)
+        add(recordings, EVENTS, Tick(n), n)
     assert recordings.changes(2) == []
     assert recordings.changes(2_000_000_000) == [RecordingChanged("a.mcap", str(state / "a.mcap"), "running", "", 7)]
     assert "7 entries lost so far: the disk is too slow" in caplog.text
-    recordings.add(EVENTS, Tick(8), 8)
+    add(recordings, EVENTS, Tick(8), 8)
     assert recordings.changes(2_100_000_000) == []
     recordings.close()
     assert "8 entries are missing: the disk was too slow" in caplog.text
@@ -177,7 +183,7 @@ def test_K1_a_slow_disk_gets_no_more_recordings_than_it_can_write(
     refused = []
     for n in range(20):
         recordings.handle(Record(f"{n}.mcap", (LinkUp("left", "it"),)), 0)
-        recordings.add(EVENTS, Tick(n), n)
+        add(recordings, EVENTS, Tick(n), n)
         refused += [change.name for change in recordings.changes(0) if "still writing" in change.reason]
         recordings.handle(Record(""), 0)
     made = list(recordings._ended)
