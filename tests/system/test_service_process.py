@@ -89,7 +89,7 @@ async def test_K1_a_full_disk_ends_the_recording_and_says_so_and_the_run_goes_on
         process.terminate()
         _, errors = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 1
-    assert f"ERROR slipd.recording.writer: {reason}\n" in errors
+    assert f"ERROR slipd.recording.recorder: {reason}\n" in errors
     assert re.search(rf"\nslipd: {reason}; (\d+) entries are missing\n$", errors)
     recorded = open_recording(path)
     assert sum(1 for _ in recorded.entries()) > 0

@@ -25,12 +25,13 @@ from slipd.events import Event, FirstEvents, IncidentsChanged
 from slipd.recording.event_codec import encode_event
 from slipd.recording.mcap_file import EVENTS, RecordingFile
 from slipd.recording.mcap_records import trimmed
+from slipd.recording.recorder import CLOSE_LIMIT_S, QUEUE_LIMIT, looks
 from slipd.recording.run_files import RunFiles
-from slipd.recording.writer import CLOSE_LIMIT_S, QUEUE_LIMIT, looks
 
-KIND = "incident"
+INCIDENT_KIND = "incident"
+"""Kind of the files of incidents."""
 
-LEVELS = ("caution", "warning", "slipping")
+INCIDENT_LEVELS = ("caution", "warning", "slipping")
 """Levels that may count as an incident, the least alarming first."""
 
 BLOCK_NS = 1_000_000_000
@@ -167,7 +168,7 @@ class Incidents:
     ) -> None:
         self._files, self._limits, self._name = files, limits, name
         self._create, self._prepare = create, prepare
-        self._levels = LEVELS[LEVELS.index(limits.level) :]
+        self._levels = INCIDENT_LEVELS[INCIDENT_LEVELS.index(limits.level) :]
         self._next_ns: dict[str, int] = {}  # before it nothing of a kind is saved
         self._ignored = self._lost = 0
         self._lost_object_ns: int | None = None
@@ -212,7 +213,7 @@ class Incidents:
         if self._ignored:
             _log.info("%d incidents within %g s of the last saved one", self._ignored, self._limits.pause_s)
         self._ignored, self._next_ns[kind] = 0, t_ns + round(self._limits.pause_s * 1e9)
-        path = self._files.folder / f"{KIND}-{self._name(t_ns)}-{what}.mcap"
+        path = self._files.folder / f"{INCIDENT_KIND}-{self._name(t_ns)}-{what}.mcap"
         self._queue.put(partial(self._due.append, (path, t_ns + round(self._limits.after_s * 1e9))))
 
     def follow(self, t_ns: int, first: Callable[[], FirstEvents]) -> IncidentsChanged | None:
@@ -256,7 +257,7 @@ class Incidents:
         file: RecordingFile | None = None
         try:
             self._prepare()
-            self._files.delete_oldest(KIND, self._limits.keep_files - 1)
+            self._files.delete_oldest(INCIDENT_KIND, self._limits.keep_files - 1)
             path = self._files.place(path)
             file = self._create(path, first=self._ring.first)
             self._ring.write(file)

@@ -31,7 +31,7 @@ from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 from slipd.errors import RecordingError
 from slipd.events import Event
 from slipd.recording.event_codec import encode_event
-from slipd.recording.mcap_records import RecordStream, keep_index_packed
+from slipd.recording.mcap_records import ENTRY_LIMIT_BYTES, RecordStream, keep_index_packed
 
 PROFILE = "slipd"
 FORMAT = "1"
@@ -45,12 +45,6 @@ SEQUENCE_MASK = 0xFFFF_FFFF
 
 CHUNK_BYTES = 256 * 1024
 """Size of a chunk: closing one of 256 KiB occupies the writer for 6 ms, a larger one for much longer."""
-
-ENTRY_LIMIT_BYTES = 2 * 1024 * 1024
-"""Longest entry, bytes: 32 times the longest piece of bytes that a transport hands on."""
-
-RECORD_LIMIT_BYTES = 2 * ENTRY_LIMIT_BYTES
-"""Longest record, bytes: a chunk has CHUNK_BYTES and at most one entry more."""
 
 _VERSIONED = ("slipd", "numpy", "numba", "msgpack", "mcap")
 

@@ -23,7 +23,6 @@ from mcap.records import Attachment, Chunk, ChunkIndex, Header, McapRecord, Meta
 from mcap.writer import MCAP0_MAGIC, Writer
 
 from slipd.errors import RecordingError
-from slipd.recording import mcap_file
 
 HEAD = struct.Struct("<BQ")  # opcode and length of an MCAP record
 _INDEX_HEAD = struct.Struct("<HI")  # channel, and length of the offsets
@@ -35,6 +34,10 @@ _READ: dict[int, type[Header | Metadata | Attachment | Chunk]] = {
 }
 _INNER = frozenset({Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE})
 BAD_RECORD = (McapError, ValueError, struct.error, OverflowError, zstandard.ZstdError)
+ENTRY_LIMIT_BYTES = 2 * 1024 * 1024
+"""Longest entry, bytes: 32 times the longest piece of bytes that a transport hands on."""
+RECORD_LIMIT_BYTES = 2 * ENTRY_LIMIT_BYTES
+"""Longest record, bytes: a chunk has `slipd.recording.mcap_file.CHUNK_BYTES` and at most one entry more."""
 BLOCK_CHUNKS = 256
 """Chunks whose entries are compressed together."""
 
@@ -86,7 +89,7 @@ def data_records(file: BinaryIO) -> Iterator[McapRecord]:
         opcode, length = HEAD.unpack(head)
         if opcode == Opcode.DATA_END:
             return
-        if length > mcap_file.RECORD_LIMIT_BYTES:
+        if length > RECORD_LIMIT_BYTES:
             raise DamageError(f"is damaged at byte {place}: a record of {length} bytes")
         body = _read(file, length, place)
         if opcode in _READ:
@@ -127,7 +130,7 @@ def unpack_chunk(chunk: Chunk) -> bytes:
     try:
         # The library would allocate whatever length the compressed data claims.
         if chunk.compression != "zstd" or not (
-            zstandard.frame_content_size(chunk.data) == chunk.uncompressed_size <= mcap_file.RECORD_LIMIT_BYTES
+            zstandard.frame_content_size(chunk.data) == chunk.uncompressed_size <= RECORD_LIMIT_BYTES
         ):
             raise DamageError("has a chunk that slipd cannot have written")
         data = zstandard.decompress(chunk.data)

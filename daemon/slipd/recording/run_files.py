@@ -11,7 +11,6 @@ import logging
 import os
 import re
 import stat
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,8 +18,6 @@ from threading import Lock, Thread
 
 from slipd.errors import RecordingError
 from slipd.recording.mcap_file import RecordingFile
-from slipd.requests.recording_state import utc_stamp
-from slipd.types.clocks import WallClock
 
 _NAME = re.compile(r"(?P<kind>[a-z]+)-(?:(?P<number>\d{6,})-)?\d{8}T\d{6}Z-(?P<rest>.+)\.mcap")
 """Recordings of this daemon; those of slipd 0.1 have no number, and are older than all that have one."""
@@ -29,8 +26,6 @@ _LOCK = re.compile(r"\.run-(?P<boot>\w+)\.lock")
 
 CLOSE_LIMIT_S = 1.0
 """Longest wait for the disk when the lock file is removed; the next run removes one that was left."""
-
-KIND = "run"
 
 _log = logging.getLogger(__name__)
 
@@ -66,7 +61,7 @@ class RecordingLimitError(RecordingError):
 
 
 @dataclass(frozen=True, slots=True)
-class Room:
+class DiskLimits:
     """Limits on the disk space of a recording; reaching one ends the recording in good order.
 
     Attributes:
@@ -102,7 +97,7 @@ class Room:
             )
 
 
-def check_room(directory: Path, room: Room, max_files: int) -> None:
+def check_folder(directory: Path, limits: DiskLimits, max_files: int) -> None:
     """Check the number of recordings in a directory and the free space of its disk.
 
     Raises:
@@ -111,7 +106,7 @@ def check_room(directory: Path, room: Room, max_files: int) -> None:
     """
     try:
         files = sum(entry.name.startswith("slipd-") and entry.name.endswith(".mcap") for entry in os.scandir(directory))
-        room.check_disk(directory)
+        limits.check_disk(directory)
     except OSError as error:
         raise RecordingError(f"{directory}: cannot be read: {error.strerror}") from error
     if files >= max_files:
@@ -218,8 +213,3 @@ def _locked(path: Path, flags: int = 0) -> int:
             os.close(lock_fd)
             raise
         os.close(lock_fd)  # another run took it for a left one, and removed it
-
-
-def run_name(boot: str, wall: WallClock) -> Callable[[int], str]:
-    """Return what names a file of a run by the time at which it begins."""
-    return lambda t_ns: f"{utc_stamp(wall.at_ns(t_ns))}-{boot}"

@@ -20,10 +20,13 @@ from slipd.errors import RecordingError
 from slipd.events import Event, FirstEvents, Publish, Record, RecordingChanged
 from slipd.recording.incidents import Incidents
 from slipd.recording.mcap_file import EVENTS, RecordingFile, check_new
-from slipd.recording.run_files import KIND, Room, RunFiles, check_room, private_directory, run_name, state_dir
-from slipd.recording.writer import CLOSE_LIMIT_S, Recorder
+from slipd.recording.recorder import CLOSE_LIMIT_S, Recorder
+from slipd.recording.run_files import DiskLimits, RunFiles, check_folder, private_directory, state_dir
 from slipd.types.clocks import WallClock
 from slipd_client.messages import GRASP_TOPIC, WARNING_TOPIC
+
+RUN_KIND = "run"
+"""Kind of the files of the whole run."""
 
 T = TypeVar("T")
 
@@ -144,7 +147,7 @@ class ContinuousRecording(RequestedRecordings):
             self._due_ns = t_ns + RETRY_NS
         elif self._due_ns is None or t_ns >= self._due_ns or self.size_bytes >= self._limits.file_bytes:
             self._count += 1
-            self._name = f"{KIND}-{self._name_at(t_ns)}-{self._count:04}.mcap"
+            self._name = f"{RUN_KIND}-{self._name_at(t_ns)}-{self._count:04}.mcap"
             self._due_ns = t_ns + round(self._limits.file_s * 1e9)
             self.handle(Record(self._name, first()), t_ns)
         return [replace(change, name="") for change in changes]
@@ -182,27 +185,30 @@ class RunRecorders:
     def open(self, t_ns: int) -> None:
         """Create what records from the start of the run; call it once the run can start."""
         limits, enter = self._config.recording, self._stack.enter_context
-        least, most = limits.min_free_bytes, sys.maxsize
-        room = Room(limits.max_bytes, least)
-        check = partial(check_room, self._folder, room, limits.max_files)
-        make = partial(self._begin, Recorder, room=room, prepare=partial(self._prepare, check))
+        disk = DiskLimits(limits.max_bytes, limits.min_free_bytes)
+        disk_alone = DiskLimits(sys.maxsize, limits.min_free_bytes)
+        check = partial(check_folder, self._folder, disk, limits.max_files)
+        make = partial(self._begin, Recorder, limits=disk, prepare=partial(self._prepare, check))
         self._requested = enter(closing(RequestedRecordings(self._folder, make)))
         files = enter(closing(RunFiles(self._folder, self._boot)))
-        names = run_name(self._boot, self._wall)
         if self._record is not None:
             self._whole = self._begin(Recorder, self._record, t_ns)
             self._stack.callback(self._close_whole, self._whole)
         elif limits.continuous.enabled:
             rule = limits.continuous
-            tidy = partial(files.delete_oldest, KIND, rule.keep_files - 1, rule.keep_bytes - rule.file_bytes)
+            tidy = partial(files.delete_oldest, RUN_KIND, rule.keep_files - 1, rule.keep_bytes - rule.file_bytes)
             prepare = partial(self._prepare, tidy)
-            make = partial(self._begin, Recorder, room=Room(most, least), prepare=prepare, place=files.place)
-            self._continuous = enter(closing(ContinuousRecording(self._folder, make, rule, names)))
+            make = partial(self._begin, Recorder, limits=disk_alone, prepare=prepare, place=files.place)
+            self._continuous = enter(closing(ContinuousRecording(self._folder, make, rule, self._name)))
         if limits.incidents.enabled:
-            prepare = partial(self._prepare, partial(check_room, self._folder, Room(most, least), most))
+            prepare = partial(self._prepare, partial(check_folder, self._folder, disk_alone, sys.maxsize))
             create = partial(self._begin, RecordingFile)
-            self._incidents = enter(closing(Incidents(files, limits.incidents, names, create, prepare)))
+            self._incidents = enter(closing(Incidents(files, limits.incidents, self._name, create, prepare)))
         self._find_active()
+
+    def _name(self, t_ns: int) -> str:
+        """Return the part of a file's name that states when it begins, and the run."""
+        return f"{self._wall.stamp(t_ns)}-{self._boot}"
 
     def _find_active(self) -> None:
         continuous = None if self._continuous is None else self._continuous.running

@@ -3,19 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from datetime import UTC, datetime
 
 from slipd.events import Record, RecordingChanged, Request
 from slipd.types.clocks import WallClock
 from slipd.types.permit import RefusalError
-
-_SPAN_S = 10**11
-"""Largest wall time in a name, in the year 5138; a replayed file may contain any time."""
-
-
-def utc_stamp(wall_ns: int) -> str:
-    """Return a wall time for the name of a file, such as "20261122T221300Z"."""
-    return datetime.fromtimestamp(wall_ns // 10**9 % _SPAN_S, UTC).strftime("%Y%m%dT%H%M%SZ")
 
 
 class RecordingState:
@@ -55,7 +46,7 @@ class RecordingState:
             rule = f"{self.requested.name} is being recorded: end it with record.stop"
             raise RefusalError("not_ready", rule)
         self._count += 1
-        name = f"slipd-{utc_stamp(self._wall.at_ns(t_ns))}-{self._boot}-{self._count}.mcap"
+        name = f"slipd-{self._wall.stamp(t_ns)}-{self._boot}-{self._count}.mcap"
         self.requested = RecordingChanged(name, "", "running")
         self._waiting[name] = request
         self._due.append(Record(name))

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
+
 NEVER_NS = 2**63 - 1
 """Deadline of what waits for no time."""
+_SPAN_S = 10**11
+"""Largest wall time in a name, in the year 5138; a replayed file may contain any time."""
 
 
 class WallClock:
@@ -24,3 +28,7 @@ class WallClock:
     def at_ns(self, t_ns: int) -> int:
         """Return the wall time at ``t_ns``, ns since 1970."""
         return t_ns + self.minus_monotonic_ns
+
+    def stamp(self, t_ns: int) -> str:
+        """Return the wall time at ``t_ns`` for the name of a file, such as "20261122T221300Z"."""
+        return datetime.fromtimestamp(self.at_ns(t_ns) // 10**9 % _SPAN_S, UTC).strftime("%Y%m%dT%H%M%SZ")

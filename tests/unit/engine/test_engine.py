@@ -40,8 +40,8 @@ from slipd.devices import bota
 from slipd.devices.wsg import wsg_messages
 from slipd.engine.warm_up import warm_up
 from slipd.events import Bytes, HostNotice, IncidentsChanged, Publish, Request, Tick, Write
-from slipd.requests.recording_state import utc_stamp
 from slipd.tools.sim.emulated_pads import encode_message
+from slipd.types.clocks import WallClock
 from slipd_client.messages import Health
 
 GRASP = RIG + grasp_table()
@@ -77,7 +77,7 @@ def dated(moved_ns: int = 0) -> Step:
     def step(run: Run) -> None:
         wall_ns = run.t_ns + WALL_NS + moved_ns
         assert run.published("slip.left")[-1]["timestamp"] == pytest.approx(wall_ns * 1e-9, abs=1e-5)
-        assert utc_stamp(wall_ns) in run.ask("record.start")["result"]["name"]
+        assert WallClock(0).stamp(wall_ns) in run.ask("record.start")["result"]["name"]
         run.ask("record.stop")
 
     return step

@@ -13,9 +13,9 @@ from slipd.config import Continuous
 from slipd.events import LinkUp, RecordingChanged, Tick
 from slipd.recording.mcap_file import EVENTS
 from slipd.recording.reader import open_recording
-from slipd.recording.run_files import RecordingLimitError, run_name
+from slipd.recording.recorder import Recorder
+from slipd.recording.run_files import RecordingLimitError
 from slipd.recording.run_recorders import RETRY_NS, ContinuousRecording
-from slipd.recording.writer import Recorder
 from slipd.types.clocks import WallClock
 
 SECOND_NS = 1_000_000_000
@@ -31,7 +31,7 @@ class Run:
             folder,
             lambda path, t_ns: Recorder(path, t_ns, prepare=lambda: self.prepare(), **ABOUT_RUN),
             Continuous(**limits),
-            run_name("b00t", WallClock(0)),
+            lambda t_ns: f"{WallClock(0).stamp(t_ns)}-b00t",
         )
         self.changes: list = []
 

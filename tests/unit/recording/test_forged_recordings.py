@@ -15,7 +15,7 @@ from recorded_entries import ABOUT_RUN, complete, contents
 
 from slipd.errors import RecordingError
 from slipd.events import Bytes, Tick
-from slipd.recording import entry_walk, mcap_file
+from slipd.recording import entry_walk, mcap_file, mcap_records
 from slipd.recording.event_codec import encode_event
 from slipd.recording.mcap_file import EVENTS
 from slipd.recording.reader import Recording
@@ -142,7 +142,7 @@ def test_what_slipd_cannot_have_written_stops_the_reading_before_it(
     assert re.search(fault, str(recording.fault)), recording.fault
 
 
-FILL = mcap_file.RECORD_LIMIT_BYTES
+FILL = mcap_records.RECORD_LIMIT_BYTES
 NESTED = inner(6, struct.pack("<QQQII4sQ", 0, 0, 0, 0, 4, b"zstd", 0))
 
 
@@ -197,6 +197,6 @@ def test_the_most_compressible_of_what_slipd_writes_is_read(tmp_path: Path) -> N
     sizes = [65_507] * 1280 + [1 << 20] * 80
     for n, size in enumerate(sizes):
         file.add(n, n, EVENTS, Bytes("left.wrench", bytes(size)))
-    file.add(len(sizes), len(sizes), "tactile.left", bytes(mcap_file.ENTRY_LIMIT_BYTES))
+    file.add(len(sizes), len(sizes), "tactile.left", bytes(mcap_records.ENTRY_LIMIT_BYTES))
     file.finish(len(sizes) + 1)
     assert len(complete(tmp_path / "run.mcap")) == len(sizes) + 1

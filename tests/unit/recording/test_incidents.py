@@ -19,13 +19,16 @@ from slipd.recording import incidents as module
 from slipd.recording.entry_walk import Entry
 from slipd.recording.incidents import Incidents
 from slipd.recording.mcap_file import EVENTS, RecordingFile
-from slipd.recording.run_files import RunFiles, run_name
+from slipd.recording.run_files import RunFiles
 from slipd.recording.run_recorders import RunRecorders
 from slipd.types.clocks import WallClock
 
 SECOND_NS = 1_000_000_000
-NAME = run_name("b00t", WallClock(0))
 WARNING = {"finger": "left", "level": "warning", "previous": "stable"}
+
+
+def name_at(t_ns: int) -> str:
+    return f"{WallClock(0).stamp(t_ns)}-b00t"
 
 
 def nothing() -> None:
@@ -40,14 +43,14 @@ def incidents(folder: Path, prepare: Callable[[], None] = nothing, **limits: obj
     return Incidents(
         RunFiles(folder, "b00t"),
         Limits(**limits),
-        NAME,
+        name_at,
         lambda path, first: RecordingFile(path, first=first, **ABOUT_RUN),
         prepare,
     )
 
 
 def called(number: int, second: int, what: str) -> str:
-    return f"incident-{number:06}-{NAME(second * SECOND_NS)}-{what}.mcap"
+    return f"incident-{number:06}-{name_at(second * SECOND_NS)}-{what}.mcap"
 
 
 def files(folder: Path) -> list[str]:

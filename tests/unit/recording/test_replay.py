@@ -12,8 +12,8 @@ from slipd.errors import ConfigError, RecordingError
 from slipd.events import Bytes, Event, LinkDown, LinkUp, Publish, Reply, Request, Tick
 from slipd.recording.mcap_file import EVENTS
 from slipd.recording.reader import Recording, open_recording
+from slipd.recording.recorder import Recorder
 from slipd.recording.replay import Pace, replay
-from slipd.recording.writer import Recorder
 from slipd.tools.recordings.grips_import import import_trial
 from slipd_client import messages
 

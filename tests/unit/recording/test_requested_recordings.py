@@ -14,18 +14,18 @@ from recorded_entries import complete, small_disk
 
 from slipd.errors import RecordingError
 from slipd.events import LinkUp, Record, RecordingChanged, Tick
-from slipd.recording import run_recorders, writer
+from slipd.recording import recorder, run_recorders
 from slipd.recording.entry_walk import Entry
 from slipd.recording.mcap_file import EVENTS
-from slipd.recording.run_files import Room, check_room, private_directory, state_dir
+from slipd.recording.recorder import START_LIMIT_NS, Recorder
+from slipd.recording.run_files import DiskLimits, check_folder, private_directory, state_dir
 from slipd.recording.run_recorders import MOST_UNFINISHED, RequestedRecordings
-from slipd.recording.writer import START_LIMIT_NS, Recorder
 
-ROOM = Room(max_bytes=10**9, min_free_bytes=0)
+LIMITS = DiskLimits(max_bytes=10**9, min_free_bytes=0)
 
 
-def make(path: Path, t_ns: int, prepare: Callable[[], None], room: Room = ROOM) -> Recorder:
-    return Recorder(path, t_ns, config_text="", boot="b", wall_minus_monotonic_ns=0, prepare=prepare, room=room)
+def make(path: Path, t_ns: int, prepare: Callable[[], None], limits: DiskLimits = LIMITS) -> Recorder:
+    return Recorder(path, t_ns, config_text="", boot="b", wall_minus_monotonic_ns=0, prepare=prepare, limits=limits)
 
 
 def held(disk: threading.Event, state: Path) -> Callable[[], None]:
@@ -110,15 +110,15 @@ def test_K1_a_disk_that_fails_is_reported_and_nothing_else(recordings: Requested
     ("prepare", "state", "reason"),
     [
         (lambda _: private_directory(Path("/proc/slipd")), "failed", "/proc/slipd: cannot be created: No such file"),
-        (lambda folder: check_room(folder / "none", ROOM, 3), "failed", "cannot be read: No such file"),
+        (lambda folder: check_folder(folder / "none", LIMITS, 3), "failed", "cannot be read: No such file"),
         (lambda folder: (folder / "slipd-3.mcap").symlink_to("of-mine.mcap"), "failed", "slipd-3.mcap: exists already"),
         (
-            lambda folder: check_room(folder, ROOM, 2),
+            lambda folder: check_folder(folder, LIMITS, 2),
             "limited",
             "holds 2 recordings, and recording.max_files is 2: move",
         ),
         (
-            lambda folder: check_room(folder, Room(max_bytes=1, min_free_bytes=2**62), 3),
+            lambda folder: check_folder(folder, DiskLimits(max_bytes=1, min_free_bytes=2**62), 3),
             "limited",
             "free bytes, less than recording.min_free_bytes",
         ),
@@ -131,7 +131,7 @@ def test_a_folder_that_cannot_be_used_or_is_full_or_has_the_file_keeps_a_recordi
     precious = dict.fromkeys(("slipd-1.mcap", "slipd-2.mcap", "of-mine.mcap", "slipd.txt"), "mine")
     for name, text in precious.items():
         (tmp_path / name).write_text(text)
-    check_room(tmp_path, ROOM, 3)
+    check_folder(tmp_path, LIMITS, 3)
     made = RequestedRecordings(tmp_path, partial(make, prepare=lambda: prepare(tmp_path)))
     made.handle(Record("slipd-3.mcap"), 0)
     refused = news(made)
@@ -163,7 +163,7 @@ def test_lost_entries_are_reported_periodically(
 ) -> None:
     recordings.handle(Record("a.mcap"), 0)
     assert news(recordings, 1).lost == 0
-    monkeypatch.setattr(writer, "QUEUE_LIMIT", 0)
+    monkeypatch.setattr(recorder, "QUEUE_LIMIT", 0)
     for n in range(7):
         add(recordings, EVENTS, Tick(n), n)
     assert recordings.changes(2) == []
@@ -190,8 +190,8 @@ def test_K1_a_slow_disk_gets_no_more_recordings_than_it_can_write(
     assert len(made) == MOST_UNFINISHED + 1
     assert refused == [f"{n}.mcap" for n in range(len(made), 20)]
     disk.set()
-    for recorder in made:
-        recorder.close()
+    for each in made:
+        each.close()
     recordings.handle(Record("next.mcap"), 0)
     states = {change.state for change in recordings.changes(1)}, recordings._ended
     assert states == ({"running"}, []), "the disk has taken what was before, and nothing of it is kept"

@@ -28,8 +28,8 @@ from slipd.errors import RecordingError
 from slipd.events import Bytes
 from slipd.io.progress import Progress
 from slipd.recording.entry_walk import Entry, EntryWalk
-from slipd.recording.mcap_file import RECORD_LIMIT_BYTES, STOPPED, RecordingFile
-from slipd.recording.mcap_records import BAD_RECORD, HEAD, DamageError, inner_records, unpack_chunk
+from slipd.recording.mcap_file import STOPPED, RecordingFile
+from slipd.recording.mcap_records import BAD_RECORD, HEAD, RECORD_LIMIT_BYTES, DamageError, inner_records, unpack_chunk
 from slipd.recording.reader import Recording, open_recording
 from slipd.tools.outputs import NEW, draft
 from slipd_client.diagnose import without_secrets as without_secrets_of

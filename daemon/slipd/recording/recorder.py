@@ -18,7 +18,7 @@ from typing import Any
 from slipd.errors import RecordingError
 from slipd.events import Event, RecordingChanged
 from slipd.recording.mcap_file import RecordingFile
-from slipd.recording.run_files import RecordingLimitError, Room
+from slipd.recording.run_files import DiskLimits, RecordingLimitError
 
 QUEUE_LIMIT = 65_536
 """Most entries in the queue, about 30 MB: a disk may stall for 5 s at 10,000 entries/s, from two fingers at 4 kHz."""
@@ -77,7 +77,7 @@ class Recorder:
         prepare: Called on the writer thread, which then also creates the file, so that the caller never waits for a
             disk. A RecordingError from it becomes the failure or limit. None: the file is created at once.
         place: Called after ``prepare`` with the path; returns the one to create. None: the path itself.
-        room: Limits on the disk space; None: no limit.
+        limits: Limits on the disk space; None: no limit.
 
     Raises:
         RecordingError: The file cannot be created (only without ``prepare``).
@@ -93,12 +93,12 @@ class Recorder:
         wall_minus_monotonic_ns: int,
         prepare: Callable[[], None] | None = None,
         place: Callable[[Path], Path] | None = None,
-        room: Room | None = None,
+        limits: DiskLimits | None = None,
     ) -> None:
         self.path = path
         self._name = path.name
         self._prepare, self._place = prepare, place
-        self._room = room
+        self._limits = limits
         self._create = partial(
             RecordingFile, config_text=config_text, boot=boot, wall_minus_monotonic_ns=wall_minus_monotonic_ns
         )
@@ -262,8 +262,8 @@ class Recorder:
                 file.end_chunk()
                 file.sync()
                 self._unwritten = 0
-                if self._room is not None:
-                    self._room.check(file)
+                if self._limits is not None:
+                    self._limits.check(file)
                 next_flush_s = now_s + FLUSH_PERIOD_S
 
     def _discard_until_closed(self) -> None:

@@ -15,18 +15,19 @@ from recorded_entries import ABOUT_RUN, WALL_NS, complete, contents, entries, sm
 
 from slipd.errors import RecordingError
 from slipd.events import Bytes, Tick
-from slipd.recording import writer
+from slipd.recording import recorder as recorder_module
 from slipd.recording.entry_walk import Entry
-from slipd.recording.mcap_file import ENTRY_LIMIT_BYTES, EVENTS
-from slipd.recording.run_files import Room
-from slipd.recording.writer import Recorder
+from slipd.recording.mcap_file import EVENTS
+from slipd.recording.mcap_records import ENTRY_LIMIT_BYTES
+from slipd.recording.recorder import Recorder
+from slipd.recording.run_files import DiskLimits
 
 WRITE_UNTIL_KILLED = """
 import sys, time
 from pathlib import Path
 from slipd.events import Bytes
 from slipd.recording.mcap_file import EVENTS
-from slipd.recording.writer import Recorder
+from slipd.recording.recorder import Recorder
 recorder = Recorder(Path(sys.argv[1]), config_text="", boot="b", wall_minus_monotonic_ns=0)
 def put(n):
     recorder.add(EVENTS, Bytes("left", n.to_bytes(40, "big")), 1_000_000 * n)
@@ -126,18 +127,21 @@ def test_K1_a_disk_that_fills_up_stops_the_recording_and_leaves_a_readable_begin
 
 
 @pytest.mark.parametrize(
-    ("room", "limit"),
+    ("limits", "limit"),
     [
-        (Room(max_bytes=4000, min_free_bytes=0), "the recording reached recording.max_bytes, 4000"),
-        (Room(max_bytes=10**9, min_free_bytes=2**62), "free bytes, less than recording.min_free_bytes, 46116860184"),
+        (DiskLimits(max_bytes=4000, min_free_bytes=0), "the recording reached recording.max_bytes, 4000"),
+        (
+            DiskLimits(max_bytes=10**9, min_free_bytes=2**62),
+            "free bytes, less than recording.min_free_bytes, 46116860184",
+        ),
     ],
     ids=["size", "disk"],
 )
 def test_a_limit_ends_a_recording_in_good_order_and_costs_the_live_path_nothing(
-    tmp_path: Path, room: Room, limit: str
+    tmp_path: Path, limits: DiskLimits, limit: str
 ) -> None:
     queued = Signal()
-    recorder = Recorder(tmp_path / "run.mcap", **ABOUT_RUN, room=room, prepare=lambda: queued.wait())
+    recorder = Recorder(tmp_path / "run.mcap", **ABOUT_RUN, limits=limits, prepare=lambda: queued.wait())
     record(recorder, entries(2000))
     queued.set()
     until(lambda: recorder.outcome[0] == "limited")
@@ -172,7 +176,7 @@ def test_K1_a_disk_that_stalls_costs_entries_which_are_counted_and_leave_a_gap(
         go_on.wait(PATIENCE_S)
 
     monkeypatch.setattr(os, "fdatasync", fdatasync)
-    monkeypatch.setattr(writer, "QUEUE_LIMIT", 10)
+    monkeypatch.setattr(recorder_module, "QUEUE_LIMIT", 10)
     recorder = Recorder(tmp_path / "run.mcap", **ABOUT_RUN)
     assert stalled.wait(PATIENCE_S)
     record(recorder, entries(40))
