@@ -100,7 +100,7 @@ class CommandParser(argparse.ArgumentParser):
     now = ""
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Put the default before arguments that begin with no command and no option."""
+        """Put the default before arguments that begin with no command and no option; refuse surplus ones itself."""
         known = not args or args[0].startswith("-") or args[0] in self.names
         if self.now and not (known and self.names):
             self.exit(2, f"{self.now}\n")
@@ -108,7 +108,10 @@ class CommandParser(argparse.ArgumentParser):
             args = [self.default, *args]
         elif self.names and not known:
             self.refuse(args[0])
-        return super().parse_known_args(args, namespace)
+        found, surplus = super().parse_known_args(args, namespace)
+        if surplus:
+            self.error(f"unrecognized arguments: {' '.join(surplus)}")
+        return found, surplus
 
     def refuse(self, typed: str = "") -> NoReturn:
         """Exit with the commands that there are, or with the one that was probably meant."""

@@ -153,6 +153,7 @@ class _Feed:
         self.reply: GravityReply | None = None
 
     def send(self, gravity_mps2: Sequence[float]) -> None:
+        first = self.reply is None
         try:
             self.reply = self._client.gravity_set(self._finger, gravity_mps2)
         except RequestRefused as error:
@@ -160,6 +161,9 @@ class _Feed:
                 raise
         else:
             self._well_s = time.monotonic()
+            if first and self.reply["gravity"] == "none":
+                text = f"the config gives finger {self._finger} no mass_kg, so gravity changes nothing"
+                print(f"slipctl: {text}", file=sys.stderr)
 
 
 class _NewLines:

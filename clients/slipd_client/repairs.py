@@ -135,12 +135,13 @@ def _streams(status: Mapping[str, Any]) -> Iterator[Repair]:
 
 
 def _unwell(status: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
-    """Return the streams that are not well; one that only waited for the daemon is, and a gripper of unknown force."""
+    """Return the streams that are not well, but for what has a repair of its own: a late daemon, a grip, a fault."""
+    latched = f"{_maps(status, 'gripper').get('latched_fault') or GRIP_UNKNOWN} is latched"
     return {
         name: stream
         for name, stream in _maps(status, "streams").items()
         if stream.get("health", Health.OK) != Health.OK
-        and not (stream.get("message") or "").startswith((DAEMON_LATE, GRIP_UNKNOWN))
+        and not (stream.get("message") or "").startswith((DAEMON_LATE, GRIP_UNKNOWN, latched))
     }
 
 

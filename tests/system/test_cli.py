@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,7 @@ from replays import RECORDINGS
 
 from slipd.cli import SLIPCTL, main
 from slipd.tools.cli_commands import parser
-from slipd_client import slipctl_parser
+from slipd_client import slipctl, slipctl_parser
 
 SLIPD = str(Path(sys.executable).with_name("slipd"))
 
@@ -31,6 +32,12 @@ SLIPD = str(Path(sys.executable).with_name("slipd"))
         (["check", "empty"], 1, "empty: finger: is missing"),
         (["check", "."], 2, ".: cannot be read: Is a directory"),
         (["init", "empty", "--ports", "."], 2, "empty exists, and is not replaced"),
+        (
+            ["check", "demo"],
+            2,
+            "demo: cannot be read: No such file or directory; to copy a shipped config: slipd config",
+        ),
+        (["emulate", "demo", "--dir", "/proc/x"], 2, "--dir /proc/x: cannot be created: No such file"),
         (["run", "none.toml"], 2, "none.toml: cannot be read: No such file"),
         (["run", "empty"], 2, "empty: finger: is missing"),
         (["run", "."], 2, ".: cannot be read: Is a directory"),
@@ -87,7 +94,6 @@ def test_a_missing_or_foreign_file_is_reported(
         ["evaluate", "a", "--out", "b.parquet", "--json"],
         ["plot"],
         ["plot", "a", "--out", "a.png"],
-        ["plot", "a", "b"],
         ["import"],
         ["import", "rosbags", "a", "b"],
         ["import", "grips", "a"],
@@ -100,6 +106,20 @@ def test_wrong_arguments_print_the_usage(call: list[str], capsys: pytest.Capture
         main(call)
     assert ended.value.code == 2
     assert "usage: slipd" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("program", "command", "words"),
+    [(main, "slipd plot", "a b"), (main, "slipd config show", "a b"), (slipctl.main, "slipctl tare get", "left pad b")],
+)
+def test_a_surplus_argument_prints_the_usage_of_its_command(
+    program: Callable[[list[str]], int], command: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        program([*command.split()[1:], *words.split()])
+    said = capsys.readouterr().err
+    assert said.startswith(f"usage: {command} [-h]")
+    assert said.endswith(f"{command}: error: unrecognized arguments: b\n")
 
 
 def test_slipd_alone_prints_the_first_steps(capsys: pytest.CaptureFixture[str]) -> None:

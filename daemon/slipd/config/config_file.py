@@ -78,7 +78,7 @@ def load(path: Path) -> Config:
         data = path.read_bytes()  # read_text would turn CRLF into LF
         untrusted = trust_faults(path)
     except OSError as error:
-        raise ConfigError(str(path), [ConfigFault("", None, f"cannot be read: {_reason(error)}")]) from None
+        raise ConfigError(str(path), [ConfigFault("", None, f"cannot be read: {_reason(error, path)}")]) from None
     if untrusted:
         raise ConfigError(str(path), [ConfigFault("", None, fault) for fault in untrusted])
     try:
@@ -89,7 +89,9 @@ def load(path: Path) -> Config:
     return parse(text, str(path))
 
 
-def _reason(error: OSError) -> str:
+def _reason(error: OSError, path: Path) -> str:
+    if isinstance(error, FileNotFoundError) and path.name == str(path) and not path.suffix:
+        return f"{error.strerror}; to copy a shipped config: slipd config show {path} > {path}.toml"
     if isinstance(error, PermissionError):
         return f"{error.strerror} for user {user_name(os.geteuid())}; run chmod a+r on it, and a+x on its folders"
     return str(error.strerror)

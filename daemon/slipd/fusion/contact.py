@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +18,9 @@ from slipd.types.arrays import Array
 
 DEFAULT_MIN_NORMAL_N = 0.2
 """Below this normal force, the error of the centroid (torque noise / normal force) exceeds the size of a fingertip."""
+
+_SINGLE = ("mu", "spin", "normal_n")
+"""Arguments that are one number."""
 
 
 class Contact(NamedTuple):
@@ -108,7 +111,7 @@ def contact_from_wrench(
 
 
 def not_numbers(**arguments: object) -> TypeError:
-    """Return the error that names the first of these arguments that is missing, or not numbers."""
+    """Return the error that names the first of these arguments that is missing, not numbers, or not one."""
     for name, value in arguments.items():
         if value is None:
             return TypeError(f"{name} is missing")
@@ -118,6 +121,9 @@ def not_numbers(**arguments: object) -> TypeError:
             known = False
         if not known:
             return TypeError(f"{name} must be numbers, got {type(value).__name__}")
+    for name in _SINGLE:
+        if shape := np.shape(cast("ArrayLike", arguments.get(name))):
+            return TypeError(f"{name} must be one number, got an array of shape {shape}")
     return TypeError(f"{', '.join(arguments)} must be numbers")
 
 

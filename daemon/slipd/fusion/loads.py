@@ -294,7 +294,7 @@ def _finite(name: str, value: ArrayLike | None, shape: tuple[int, ...] | None = 
 
 def _normal(normal_n: float | Contact) -> float:
     force_n = normal_n.normal_n if isinstance(normal_n, Contact) else normal_n
-    if not isinstance(force_n, SupportsFloat):
+    if np.shape(force_n) or not isinstance(force_n, SupportsFloat):
         raise not_numbers(normal_n=force_n)
     if not 0.0 <= force_n < math.inf:
         raise ValueError(f"normal_n must be finite and not negative, got {force_n}")

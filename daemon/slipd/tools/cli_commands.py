@@ -13,6 +13,7 @@ from typing import Any
 from slipd import __version__
 from slipd.tools.cli_arguments import JSON, Command, argument, one_of, positive
 from slipd.tools.recording_commands import RECORDING_COMMANDS
+from slipd_client.arguments import CommandParser
 
 
 class _Rig(argparse.Action):
@@ -277,7 +278,7 @@ EXIT = "Exit code: 0 done, 1 the answer is no, 2 wrong use, 130 Ctrl-C (slipd do
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser; ``command`` of the parsed arguments is the command, e.g. "replay" or "import grips"."""
-    top = argparse.ArgumentParser(
+    top = CommandParser(
         prog="slipd", description="Warn a robot that its gripper is about to drop something.", epilog=EXIT
     )
     top.add_argument("--version", action="version", version=f"slipd {__version__}")

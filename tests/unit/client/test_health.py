@@ -102,7 +102,10 @@ def test_a_finger_names_the_command_that_mends_it(reason: str) -> None:
         ({"incidents": {"saved": 1, "failure": "disk full"}}, ["incident-failed"]),
         ({"incidents": {"saved": 1, "not_saved": 1, "failure": None}}, []),
         (
-            {"gripper": {"latched_fault": "no_answer", "active": False, "force_limit_n": None}},
+            {
+                "streams": {"gripper": {"health": 2, "message": "no_answer is latched: look at the gripper"}},
+                "gripper": {"latched_fault": "no_answer", "active": False, "force_limit_n": None},
+            },
             ["gripper-fault", "gripper-inactive", "gripper-no-limit"],
         ),
         ({"gripper": {"latched_fault": "", "active": True, "force_limit_n": 20.0}}, []),

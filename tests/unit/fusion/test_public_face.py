@@ -83,6 +83,13 @@ WRONG: list[tuple[Any, tuple[Any, ...], str]] = [
     (grip_needed_n, (CONTACT, LOADS, "rubber"), "mu must be numbers, got str"),
     (tipping_margin, (X, Y, "C"), "point must be numbers, got str"),
     (torque_limits, (X, Y, [LOADS.loads], MU, [FORCE], {}), "about must be numbers, got dict"),
+    (
+        utilisation,
+        (X, Y, LOADS, [0.5, 0.6], FORCE, SPIN, ABOUT),
+        r"mu must be one number, got an array of shape \(2,\)",
+    ),
+    (utilisations, (X, Y, [LOADS.loads], np.ones(2), [FORCE], [SPIN], ABOUT), "mu must be one number, got an array"),
+    (grey_loads, ([1.0], np.ones(2)), "normal_n must be one number, got an array"),
     (torque_limits, (X, Y, [LOADS.loads], MU, [FORCE], ABOUT, 0), "sense must be"),
     (utilisations, (X, Y, [LOADS.loads], "rubber", [FORCE], [SPIN], ABOUT), "mu must be numbers, got str"),
     (contact_shape, (X, Y, "image", 0.003), "pressure must be numbers, got str"),

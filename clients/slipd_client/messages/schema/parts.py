@@ -154,7 +154,9 @@ class StreamStatus:
     tare_age_s: float | None = wire(TARE_AGE, nil=True, only="force sensors and pads")
     tare_busy: bool | None = wire("another tare is in progress", default=None, only="force sensors and pads")
     gravity: str | None = wire(
-        '"none" (no weight configured), "compensated" or "unknown_orientation"', default=None, only="force sensors"
+        '"none" (the config gives no `mass_kg`), "compensated" or "unknown_orientation"',
+        default=None,
+        only="force sensors",
     )
     drift: Sextuple | None = wire(
         "what is subtracted for drift (force, N, and torque, N·m, in the pad's frame); nil where drift is not followed",

@@ -97,7 +97,7 @@ class Slip(Message):
     friction_ratio: float | None = wire("tangential force over normal force", nil=True)
     friction_ratio_std: float | None = wire("standard deviation of the friction ratio", nil=True)
     gravity: str | None = wire(
-        'the finger\'s own weight: "none" (none is configured), "compensated", or "unknown_orientation" '
+        'the finger\'s own weight: "none" (the config gives no `mass_kg`), "compensated", or "unknown_orientation" '
         "(its possible pull is part of the uncertainties)",
         nil=True,
     )

@@ -32,6 +32,8 @@ GROUP = "slipd"
 """Members of this group may connect; if the machine has no such group or the daemon is not a member, only its user
 may."""
 
+ANOTHER = "name another directory with SLIPD_RUNTIME_DIR"
+
 _log = logging.getLogger(__name__)
 
 
@@ -117,7 +119,9 @@ class RuntimeDirectory:
             self._check_private()
             self._lock = self._lock_directory()
         except OSError as error:
-            raise LinkError(f"{self.path}: cannot be used as the runtime directory: {error}") from error
+            raise LinkError(
+                f"{self.path}: cannot be used as the runtime directory: {error.strerror}; {ANOTHER}"
+            ) from error
         return self
 
     def __exit__(
@@ -152,17 +156,17 @@ class RuntimeDirectory:
         found = self.path.lstat()
         mode = stat.S_IMODE(found.st_mode)
         if not stat.S_ISDIR(found.st_mode):
-            raise LinkError(f"{self.path}: must be a directory, not a link or file; name another, or remove it")
+            raise LinkError(f"{self.path}: must be a directory, not a link or file; remove it, or {ANOTHER}")
         if found.st_uid != os.geteuid():
-            raise LinkError(f"{self.path}: must belong to user {os.geteuid()}, got user {found.st_uid}; name another")
+            raise LinkError(f"{self.path}: must belong to user {os.geteuid()}, got user {found.st_uid}; {ANOTHER}")
         if mode & 0o027:
             raise LinkError(
-                f"{self.path}: others may enter or change it (mode {mode:04o}); run chmod 700 on it, or name another"
+                f"{self.path}: others may enter or change it (mode {mode:04o}); run chmod 700 on it, or {ANOTHER}"
             )
         if mode & 0o050 and found.st_gid != self._group:
             raise LinkError(
                 f"{self.path}: no group may enter it (mode {mode:04o}) except {self._group_name} with this user as a"
-                " member; run chmod 700 on it, or name another"
+                f" member; run chmod 700 on it, or {ANOTHER}"
             )
 
     def _lock_directory(self) -> int:
@@ -173,7 +177,7 @@ class RuntimeDirectory:
             holder = os.read(lock, MAX_PID_BYTES).decode(errors="replace").strip() or "unknown"
             os.close(lock)
             raise LinkError(
-                f"{self.path}: another slipd uses this directory (process {holder}); stop it, or name another directory"
+                f"{self.path}: another slipd uses this directory (process {holder}); stop it, or {ANOTHER}"
             ) from None
         os.ftruncate(lock, 0)
         os.write(lock, f"{os.getpid()}\n".encode())

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from slipd import config
-from slipd.errors import SlipdError
+from slipd.errors import SlipdError, UsageError
 from slipd.tools.shipped_files import shipped_config
 from slipd.tools.sim.emulate import (
     LONGEST_LINE,
@@ -45,6 +45,7 @@ def emulate_command(file: Path, folder: Path | None, script: Path | None, seed: 
     Raises:
         ConfigError: The config has faults.
         SlipdError: A line cannot be served, or a line of the script is wrong.
+        UsageError: The folder cannot be created.
     """
     if not file.exists() and file.name == str(file) and not file.suffix:
         file = shipped_config(str(file))
@@ -55,6 +56,9 @@ def emulate_command(file: Path, folder: Path | None, script: Path | None, seed: 
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="slipd-emulated-")))
         try:
             folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        except OSError as error:
+            raise UsageError(f"--dir {folder}: cannot be created: {error.strerror}") from None
+        try:
             _check_free(folder)
             devices = TouchedDevices(rig, folder.absolute(), seed, unkind=unkind)
             place = folder.absolute() / file.name
