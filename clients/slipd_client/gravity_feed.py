@@ -161,7 +161,7 @@ class _Feed:
                 raise
         else:
             self._well_s = time.monotonic()
-            if first and self.reply["gravity"] == "none":
+            if first and self.reply.get("gravity") == "none":
                 text = f"the config gives finger {self._finger} no mass_kg, so gravity changes nothing"
                 print(f"slipctl: {text}", file=sys.stderr)
 
