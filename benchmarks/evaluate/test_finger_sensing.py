@@ -7,14 +7,14 @@ import pytest
 from evaluate.finger_sensing import FingerSensing, ForceSensing, PadSensing, offline_config
 
 from slipd import config
-from slipd.signals.mounting import Mounting
+from slipd.signals.mounting import mounting_matrix
 from slipd.tools.sim.scene_parts import Pad
 
 WRENCH = np.array([[1.0, -2.0, -8.0, 0.01, 0.02, -0.03]])
 
 
 def in_pad(sensing, felt):
-    return (Mounting(sensing.xyz_m).matrix @ felt.T).T
+    return (mounting_matrix(sensing.xyz_m, (0.0, 0.0, 0.0, 1.0)) @ felt.T).T
 
 
 def test_a_sensor_that_is_where_the_config_says_feels_the_wrench():

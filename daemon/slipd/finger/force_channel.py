@@ -16,7 +16,7 @@ from slipd.fusion.streaming import move_to_pad, new_readings
 from slipd.signals.drift import DriftCompensation
 from slipd.signals.frozen import MOST, WrenchWatch
 from slipd.signals.gravity import FRESH_NS, FingerWeight, GravityCompensation
-from slipd.signals.mounting import Mounting
+from slipd.signals.mounting import mounting_matrix
 from slipd.signals.tare import Average, Tare
 from slipd.types.arrays import Array
 from slipd.types.samples import UNTRUSTED as UNTRUSTED_WORDS
@@ -81,7 +81,7 @@ class ForceChannel:
         self._gravity_since = Average((3,))
         pose = wrench.pad_from_sensor
         self._state = state
-        state["conditions"]["matrix"] = Mounting(pose.xyz_m, pose.quat_xyzw, wrench.sign).matrix
+        state["conditions"]["matrix"] = mounting_matrix(pose.xyz_m, pose.quat_xyzw, wrench.sign)
         self.drift: DriftCompensation | None = None
         if wrench.drift_tau_s is not None:
             limit = np.repeat((wrench.drift_limit_n, wrench.drift_limit_nm), 3)

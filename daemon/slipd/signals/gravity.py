@@ -63,19 +63,10 @@ class FingerWeight:
     Attributes:
         mass_kg: Mass, kg; 0: nothing to compensate.
         com_m: Centre of mass in the pad frame, m.
-
-    Raises:
-        ValueError: The mass is negative, or a value is not finite.
     """
 
     mass_kg: float = 0.0
     com_m: Sequence[float] = (0.0, 0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.mass_kg < math.inf:
-            raise ValueError(f"mass_kg must be finite and at least 0, got {self.mass_kg}")
-        if len(self.com_m) != 3 or not all(map(math.isfinite, self.com_m)):
-            raise ValueError(f"com_m must be three finite numbers, got {self.com_m}")
 
     def wrench(self, gravity_mps2: Array | Sequence[float]) -> Array:
         """Return the wrench of the weight on the finger: F = m g, M = c × m g.

@@ -35,18 +35,6 @@ def test_a_weight_is_the_sum_of_its_parts_in_every_pose(quat: np.ndarray, com: n
     assert_allclose(FingerWeight(0.04, tuple(com)).wrench(gravity), expected, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("mass", "com", "why"),
-    [
-        *[(mass, (0.0, 0.0, 0.0), "mass_kg must be finite and at least 0") for mass in (-0.1, math.nan, math.inf)],
-        *[(0.1, com, "com_m must be three finite numbers") for com in ((0.0, 0.0), (0.0, math.nan, 0.0))],
-    ],
-)
-def test_an_invalid_weight_is_refused(mass: float, com: tuple[float, ...], why: str) -> None:
-    with pytest.raises(ValueError, match=why):
-        FingerWeight(mass, com)
-
-
 def test_gravity_at_a_place_of_a_turning_body_is_less_its_own_acceleration() -> None:
     """At 0.5 m along X: 2 rad/s about Z pulls outwards by 2 m/s², and speeding up by 3 rad/s² pushes back."""
     assert gravity_at((0.5, 0.0, 0.1), DOWN, (0.0, 0.0, 2.0), None) == pytest.approx((2.0, 0.0, DOWN[2]))

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.ndimage import center_of_mass
 
 from slipd.config import Pad, Wrench
-from slipd.signals.mounting import Mounting
+from slipd.signals.mounting import mounting_matrix
 from slipd.types.arrays import Array
 
 CENTRE, END, CORNER, PUSH_X, PUSH_Y = "centre", "end", "corner", "push_x", "push_y"
@@ -98,7 +98,7 @@ class Mount:
     @property
     def matrix(self) -> Array:
         """What turns a reading of the sensor (force, torque) into the wrench in the pad frame, shape (6, 6)."""
-        return Mounting(self.xyz_m, self.quat_xyzw, self.sign).matrix
+        return mounting_matrix(self.xyz_m, self.quat_xyzw, self.sign)
 
 
 def mount_of(sensor: Wrench) -> Mount:

@@ -22,7 +22,7 @@ from slipd.errors import RecordingError
 from slipd.events import Bytes, LinkDown, LinkUp, Request
 from slipd.recording.reader import Recording, open_recording
 from slipd.signals.gravity import FRESH_NS, STANDARD_GRAVITY_MPS2, gravity_fault
-from slipd.signals.mounting import Mounting
+from slipd.signals.mounting import mounting_matrix
 from slipd.signals.tare import MIN_READINGS, Average, most_std
 from slipd.tools.commission.weight_identification import Identification, identify
 from slipd.types.arrays import Array
@@ -139,7 +139,7 @@ def _timed(
 def _poses(timed: Iterator[tuple[int, Array | WrenchSample]], wrench: Wrench) -> tuple[Array, int]:
     """Return mean wrench (pad frame) and gravity of each still pose, shape (poses, 9), and the number of others."""
     still = most_std(np.repeat((wrench.force_std_n, wrench.torque_std_nm), 3))
-    matrix = Mounting(wrench.pad_from_sensor.xyz_m, wrench.pad_from_sensor.quat_xyzw, wrench.sign).matrix
+    matrix = mounting_matrix(wrench.pad_from_sensor.xyz_m, wrench.pad_from_sensor.quat_xyzw, wrench.sign)
     rests = [rest for rest in _rests(timed) if rest.average.count >= MIN_READINGS]
     means = [
         np.concatenate((matrix @ rest.average.mean[:6], rest.average.mean[6:]))

@@ -22,7 +22,7 @@ from slipd.devices import DEVICES
 from slipd.errors import ConfigError, ConfigFault
 from slipd.grasp.grasp_view import Place
 from slipd.signals.gravity import FingerWeight
-from slipd.signals.mounting import Mounting
+from slipd.signals.mounting import mounting_matrix
 from slipd.signals.pad import PadGeometry
 from slipd.tools.sim.emulated_copy import with_other_port
 from slipd.tools.sim.emulated_pads import REST_COUNTS
@@ -90,7 +90,7 @@ class TouchedDevices:
         self.hand = Hand(weights, frozenset([*rig.finger][1:]), places)
         self._pads = {name: _TouchedPad(finger.pad) for name, finger in rig.finger.items() if finger.pad is not None}
         self._mountings = {
-            name: np.linalg.inv(Mounting(pose.xyz_m, pose.quat_xyzw, finger.wrench.sign).matrix)
+            name: np.linalg.inv(mounting_matrix(pose.xyz_m, pose.quat_xyzw, finger.wrench.sign))
             for name, finger in rig.finger.items()
             if finger.wrench is not None and (pose := finger.wrench.pad_from_sensor)
         }

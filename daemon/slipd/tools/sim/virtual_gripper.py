@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from slipd.devices.external import encode_reading
-from slipd.signals.mounting import Mounting
+from slipd.signals.mounting import mounting_matrix
 from slipd.tools.sim.carry import GLASS_KG, GLASS_KGM2, Arm, CarryScript
 from slipd.tools.sim.emulate import prepare_process, serve_until_ended
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics, PvdfPad
@@ -78,7 +78,7 @@ class VirtualRig:
         *sources, self._rng = np.random.default_rng(seed).spawn(3)
         pad, patch = Pad(), scene.patch
         self._shares = {"left": pad.shares(patch), "right": pad.shares(patch.mirrored())}
-        self._to_sensor = np.linalg.inv(Mounting(SENSOR_XYZ_M, SENSOR_QUAT_XYZW).matrix)
+        self._to_sensor = np.linalg.inv(mounting_matrix(SENSOR_XYZ_M, SENSOR_QUAT_XYZW))
         self.devices: dict[str, Any] = {}
         for side, rng in zip(self._shares, sources, strict=True):
             self.devices[f"{side}-wrench"] = BotaSensor(rng, CLOCK_PPM[side])

@@ -12,7 +12,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from slipd.signals.mounting import Mounting
+from slipd.signals.mounting import mounting_matrix
 from slipd.tools.commission.mounting_search import find_mounting
 from slipd.tools.commission.touches import (
     CENTRE,
@@ -49,7 +49,7 @@ def touches(
 ) -> dict[str, Touch]:
     """What a sensor and a pad read of the touches; with a seed, of those of an inexact hand."""
     rng = np.random.default_rng(seed)
-    matrix = np.linalg.inv(Mounting(true.xyz_m, true.quat_xyzw, true.sign).matrix)
+    matrix = np.linalg.inv(mounting_matrix(true.xyz_m, true.quat_xyzw, true.sign))
     found: dict[str, Touch] = {}
     for step, (x, y) in places.items():
         force = np.array((*pushes.get(step, (0.0, 0.0)), -5.0))

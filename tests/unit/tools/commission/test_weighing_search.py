@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from slipd.signals.gravity import FingerWeight
-from slipd.signals.mounting import Mounting
+from slipd.signals.mounting import mounting_matrix
 from slipd.tools.commission.touches import Mount
 from slipd.tools.commission.weighing_search import (
     WXYZ,
@@ -39,7 +39,7 @@ def poses(
 ) -> list[Pose]:
     """What a sensor reads in the poses, which a hand holds within some degrees."""
     rng = np.random.default_rng(1)
-    matrix = np.linalg.inv(Mounting(true.xyz_m, true.quat_xyzw, true.sign).matrix)
+    matrix = np.linalg.inv(mounting_matrix(true.xyz_m, true.quat_xyzw, true.sign))
     found: list[Pose] = []
     for gravity in map(np.array, down):
         held = Rotation.from_rotvec(np.radians(rng.normal(scale=held_deg, size=3))).apply(gravity)

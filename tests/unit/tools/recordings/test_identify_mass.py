@@ -19,7 +19,7 @@ from slipd.errors import RecordingError
 from slipd.events import Bytes, Event, LinkDown, LinkUp, Request, Tick
 from slipd.recording.mcap_file import EVENTS, RecordingFile
 from slipd.signals.gravity import STANDARD_GRAVITY_MPS2, FingerWeight
-from slipd.signals.mounting import Mounting
+from slipd.signals.mounting import mounting_matrix
 from slipd.tools.commission.weight_identification import Identification
 from slipd.tools.recordings.identify_mass import identification_text, identify_recording
 
@@ -60,7 +60,7 @@ class Session:
         self.events: list[tuple[int, Event]] = [(0, LinkUp("left.wrench", "S/N 1"))]
         self.t_ns = MS
         self._rng = np.random.default_rng(3)
-        self._from_pad = np.linalg.inv(np.array(Mounting(XYZ, QUAT, -1).matrix))
+        self._from_pad = np.linalg.inv(np.array(mounting_matrix(XYZ, QUAT, -1)))
 
     def tell(self, gravity: object, finger: str = "left", op: str = "gravity.set") -> None:
         body = {"v": 1, "id": 1, "op": op, "boot": "b", "finger": finger, "gravity_mps2": gravity}
@@ -109,7 +109,7 @@ def test_mass_and_centre_are_found_through_bias_mounting_and_sign_and_fit_a_conf
     assert (found.poses, found.mass_kg) == (4, pytest.approx(0.060, abs=5 * found.mass_std_kg))
     assert found.mass_std_kg < 0.0005
     assert_allclose(found.com_m, WEIGHT.com_m, atol=0.001)
-    assert_allclose(found.bias_force_n, (Mounting(XYZ, QUAT, -1).matrix @ BIAS)[:3], atol=0.01)
+    assert_allclose(found.bias_force_n, (mounting_matrix(XYZ, QUAT, -1) @ BIAS)[:3], atol=0.01)
     text = identification_text(found, "left")
     table = tomllib.loads(text.partition("\n\n")[2])["finger"]["left"]["wrench"]
     assert_allclose((table["mass_kg"], *table["com_m"]), (found.mass_kg, *found.com_m), rtol=0.0, atol=1e-5)

@@ -17,7 +17,7 @@ from slipd.config import Config, Stream
 from slipd.devices import DEVICES
 from slipd.devices.shared import modbus
 from slipd.errors import ConfigError
-from slipd.signals.mounting import Mounting
+from slipd.signals.mounting import mounting_matrix
 from slipd.signals.pad import PadGeometry
 from slipd.tools.sim.emulated_pads import REST_COUNTS
 from slipd.tools.sim.emulators import Emulator
@@ -128,7 +128,7 @@ def test_the_sensors_of_a_config_read_the_load_on_their_pad(text: str, tmp_path:
             if isinstance(sample, WrenchSample) and sample.torque_nm is not None
         ]
         pose = sensors.wrench.pad_from_sensor
-        found = Mounting(pose.xyz_m, pose.quat_xyzw, sensors.wrench.sign).matrix @ (np.mean(readings, axis=0) - BIAS)
+        found = mounting_matrix(pose.xyz_m, pose.quat_xyzw, sensors.wrench.sign) @ (np.mean(readings, axis=0) - BIAS)
         assert found - devices.hand.weight(finger, 0.0) == pytest.approx(devices.loads(0)[finger].wrench(), abs=0.06)
     if sensors.pad is not None:
         pad = sensors.pad

@@ -5,7 +5,7 @@ from slipd.devices import bota, pvdf
 from slipd.devices.robotiq_2f import robotiq_registers
 from slipd.devices.shared import modbus
 from slipd.fusion import contact_from_wrench
-from slipd.signals.mounting import Mounting
+from slipd.signals.mounting import mounting_matrix
 from slipd.tools.sim.emulated_wrenches import encode_ack
 from slipd.tools.sim.scene import Scene
 from slipd.tools.sim.scene_parts import Patch
@@ -46,7 +46,7 @@ def contact(samples, side, t_s):
     """Return the mean contact of one finger in the 50 ms before a time, as the daemon computes it."""
     chosen = [s for s in samples[f"{side}-wrench"] if t_s - 0.05 < s.t_ns * 1e-9 <= t_s]
     felt = np.mean([np.concatenate((s.force_n, s.torque_nm)) for s in chosen], axis=0) - BIAS[side]
-    wrench = Mounting(SENSOR_XYZ_M, SENSOR_QUAT_XYZW).matrix @ felt
+    wrench = mounting_matrix(SENSOR_XYZ_M, SENSOR_QUAT_XYZW) @ felt
     return contact_from_wrench(wrench[:3], wrench[3:])
 
 
