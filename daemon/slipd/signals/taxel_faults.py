@@ -119,7 +119,7 @@ class TaxelFaults:
         span, recent = np.ptp(window[:, : SHEAR_Y + 1], axis=0), window[blocks.last(FREE_BLOCKS)]
         mean, jitter, rate = recent[0, MEAN], np.sqrt(total[SQUARES] / (2 * images)), total[CHANGES] / images
         means, pressures = np.ascontiguousarray(window[:, MEAN]), recent[:, PRESSURE]
-        did = np.array((
+        stats = np.array((
             mean, span[MEAN], means.max(axis=0), np.hypot(span[SHEAR_X], span[SHEAR_Y]), jitter, rate,
             blocks.run, recent[:, MEAN].min(axis=0), pressures.min(axis=0), pressures.max(axis=0),
         ))  # fmt: skip
@@ -139,22 +139,22 @@ class TaxelFaults:
         limit = max(rest, AFTER_EFFECT * self._peak, self._light_touch) + max(middle, 0.0)
         if not blocks.free[blocks.last(FREE_BLOCKS)].all():
             limit = math.inf
-        bad, well = np.zeros((2, len(Kind), masked.size), dtype=bool)
+        bad, good = np.zeros((2, len(Kind), masked.size), dtype=bool)
         sheared, rests, alone = np.zeros((3, masked.size), dtype=bool)
         rate_taxels(
-            self._around, masked, did, means, threshold, active, pressed, limit, self._shear_noise,
-            bad, well, sheared, rests, alone,
+            self._around, masked, stats, means, threshold, active, pressed, limit, self._shear_noise,
+            bad, good, sheared, rests, alone,
         )  # fmt: skip
         for lines, beside in self._lines:
-            rate_lines(lines, beside, masked, did, means, threshold, active, bad, well, sheared, rests)
+            rate_lines(lines, beside, masked, stats, means, threshold, active, bad, good, sheared, rests)
         if alone.any():
             bad[Kind.HOT] |= alone & self._jumps(total, jitter, masked, active, pressed)
         bad[Kind.FROZEN] &= self.away | self._noisy_rest
-        well[Kind.HOT] = ~bad[Kind.HOT] & (well[Kind.HOT] | ~self.away)
+        good[Kind.HOT] = ~bad[Kind.HOT] & (good[Kind.HOT] | ~self.away)
         full = window[blocks.last(SATURATED_BLOCKS), LEAST].min(axis=0) >= self._full
         bad &= ~full
-        bad[Kind.SATURATED], well[Kind.SATURATED] = full, ~full
-        return bad, well
+        bad[Kind.SATURATED], good[Kind.SATURATED] = full, ~full
+        return bad, good
 
     def _jumps(self, total: Array, jitter: Array, masked: Mask, active: float, pressed: float) -> Mask:
         """Return the taxels whose jitter is neither a step, a knock, nor that of the force.

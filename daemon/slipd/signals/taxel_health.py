@@ -103,7 +103,7 @@ class TaxelHealth:
         self.masks = False
         self.measured: Mask | None = None
         self._bad = np.zeros((len(Kind), taxels), dtype=bool)
-        self._well = np.zeros((len(Kind), taxels), dtype=np.int64)
+        self._good = np.zeros((len(Kind), taxels), dtype=np.int64)
 
     @property
     def usable(self) -> bool:
@@ -140,9 +140,9 @@ class TaxelHealth:
         free, steady = known_free is True, force_moving is False
         ended = self._blocks.update(values, t_ns, free=free, steady=steady, pressure=pressure, shear=shear)
         if ended and self._blocks.count >= WINDOW and self._blocks.count % JUDGED_BLOCKS == 0:
-            bad, well = self._faults.judge(self.masked)
-            self._well = np.where(bad, 0, self._well + well)
-            self._bad = (self._bad | bad) & (self._well < RECOVERY)
+            bad, good = self._faults.judge(self.masked)
+            self._good = np.where(bad, 0, self._good + good)
+            self._bad = (self._bad | bad) & (self._good < RECOVERY)
             self.masked = np.logical_or.reduce(self._bad, axis=0)
             self.masks = bool(self.masked.any())
             self.measured = ~self.masked if self.masks else None

@@ -48,7 +48,7 @@ class Kind(IntEnum):
 
 _STILL, _FROZEN, _HOT = int(Kind.STILL), int(Kind.FROZEN), int(Kind.HOT)
 _NOW, _SPAN, _TOP, _SLID, _JITTER, _RATE, _RUN, _FLOOR, _LOW, _HIGH = range(10)
-"""What one taxel did over the window, by its row.
+"""Statistics of one taxel over the window, by their row.
 
 - NOW: Mean reading of the newest block.
 - SPAN, TOP: Range and maximum of the means.
@@ -62,15 +62,15 @@ _NOW, _SPAN, _TOP, _SLID, _JITTER, _RATE, _RUN, _FLOOR, _LOW, _HIGH = range(10)
 
 @compiled
 def rate_taxels(
-    around: Indices, masked: Mask, did: Array, means: Array, threshold: float, active: float, pressed: float,
-    limit: float, shear_noise: float, bad: Mask, well: Mask, sheared: Mask, rests: Mask, alone: Mask,
+    around: Indices, masked: Mask, stats: Array, means: Array, threshold: float, active: float, pressed: float,
+    limit: float, shear_noise: float, bad: Mask, good: Mask, sheared: Mask, rests: Mask, alone: Mask,
 ) -> None:  # fmt: skip
     """Rate each taxel by its neighbours.
 
     Args:
         around: Neighbours of each taxel, shape (taxels, 8).
         masked: Taxels that are no reference.
-        did: What each taxel did.
+        stats: Statistics of each taxel over the window, shape (10, taxels).
         means: Mean reading of each taxel in each block, shape (blocks, taxels).
         threshold: Reading from which a taxel may be active.
         active: Likewise, above the noise.
@@ -78,7 +78,7 @@ def rate_taxels(
         limit: Mean above which a taxel is hot without a load.
         shear_noise: Noise of the shear.
         bad: Set where a taxel is still, frozen or hot, shape (4, taxels).
-        well: Set where it moves, changes, or is among loaded neighbours.
+        good: Set where it moves, changes, or is among loaded neighbours.
         sheared: Set where its shear moves beyond the pad's noise, and not much less than its neighbours'.
         rests: Set where it rests by itself.
         alone: Set where it jitters more than its neighbours.
@@ -86,39 +86,39 @@ def rate_taxels(
     near, jitters = np.empty(8, np.int64), np.empty(8)
     widest = 0.0
     for k in range(len(masked)):
-        widest = max(widest, did[_SPAN, k])
+        widest = max(widest, stats[_SPAN, k])
     for k in range(len(masked)):
         corner, narrowest, slid, loaded, highest = 0, math.inf, 0.0, 0, 0.0
         for j in around[k]:
             if j >= 0:
                 corner += 1
-                narrowest = min(narrowest, did[_SPAN, j])
+                narrowest = min(narrowest, stats[_SPAN, j])
         count = _trusted(around[k], masked, near)
         for n in range(count):
             j = near[n]
-            slid += did[_SLID, j]
-            loaded += int(did[_LOW, j] > pressed)
-            highest = max(highest, did[_HIGH, j])
-            jitters[n] = did[_JITTER, j]
+            slid += stats[_SLID, j]
+            loaded += int(stats[_LOW, j] > pressed)
+            highest = max(highest, stats[_HIGH, j])
+            jitters[n] = stats[_JITTER, j]
         usual = ranked(jitters[:count], count // 2) if count > 0 else math.inf
-        span, jitter = did[_SPAN, k], did[_JITTER, k]
-        moves, judged = _movement(near[:count], did, means, threshold, active)
-        sheared[k] = did[_SLID, k] > max(ABOVE_NOISE * shear_noise, STILL * slid / max(count, 1))
+        span, jitter = stats[_SPAN, k], stats[_JITTER, k]
+        moves, judged = _movement(near[:count], stats, means, threshold, active)
+        sheared[k] = stats[_SLID, k] > max(ABOVE_NOISE * shear_noise, STILL * slid / max(count, 1))
         rounded = corner == 3 and narrowest < PLATEAU * widest
         bad[_STILL, k] = judged and span <= STILL * moves and not rounded and not sheared[k]
-        well[_STILL, k] = judged and (span >= MOVING * moves or sheared[k])
+        good[_STILL, k] = judged and (span >= MOVING * moves or sheared[k])
         rests[k] = span <= max(threshold, ABOVE_NOISE * jitter)
-        bad[_FROZEN, k] = _is_frozen(k, near[:count], did, 3)
-        well[_FROZEN, k] = did[_RATE, k] >= 0.5 * CHANGING
-        spire = loaded >= 3 and loaded >= AROUND * count and did[_LOW, k] > SPIRE * highest
-        bad[_HOT, k], well[_HOT, k] = did[_FLOOR, k] > limit or spire, loaded >= 3
+        bad[_FROZEN, k] = _is_frozen(k, near[:count], stats, 3)
+        good[_FROZEN, k] = stats[_RATE, k] >= 0.5 * CHANGING
+        spire = loaded >= 3 and loaded >= AROUND * count and stats[_LOW, k] > SPIRE * highest
+        bad[_HOT, k], good[_HOT, k] = stats[_FLOOR, k] > limit or spire, loaded >= 3
         alone[k] = jitter > max(active, ALONE * usual)
 
 
 @compiled
 def rate_lines(
-    lines: Indices, beside: Indices, masked: Mask, did: Array, means: Array, threshold: float, active: float,
-    bad: Mask, well: Mask, sheared: Mask, rests: Mask,
+    lines: Indices, beside: Indices, masked: Mask, stats: Array, means: Array, threshold: float, active: float,
+    bad: Mask, good: Mask, sheared: Mask, rests: Mask,
 ) -> None:  # fmt: skip
     """Rate rows or columns by those beside them: a lost one is still or frozen as a whole.
 
@@ -126,12 +126,12 @@ def rate_lines(
         lines: Taxels of each line, shape (lines, k).
         beside: Neighbours of each taxel in other lines, shape (taxels, 6).
         masked: As for `rate_taxels`, like the next four.
-        did: Likewise.
+        stats: Likewise.
         means: Likewise.
         threshold: Likewise.
         active: Likewise.
         bad: As `rate_taxels` left it, updated.
-        well: Likewise.
+        good: Likewise.
         sheared: As `rate_taxels` left it.
         rests: Likewise.
     """
@@ -147,18 +147,18 @@ def rate_lines(
         for k in line:
             count = _trusted(beside[k], masked, near)
             if inner:
-                moves, judged = _movement(near[:count], did, means, threshold, active)
-                is_still = judged and did[_SPAN, k] <= STILL * moves and not sheared[k]
+                moves, judged = _movement(near[:count], stats, means, threshold, active)
+                is_still = judged and stats[_SPAN, k] <= STILL * moves and not sheared[k]
                 still += int(is_still)
                 idle += int(is_still or rests[k])
-            frozen += int(_is_frozen(k, near[:count], did, 2))
-            moving += int(well[_STILL, k])
-            trusted += int(not (well[_STILL, k] or masked[k]))
+            frozen += int(_is_frozen(k, near[:count], stats, 2))
+            moving += int(good[_STILL, k])
+            trusted += int(not (good[_STILL, k] or masked[k]))
         dead = inner and idle == len(line) and still >= LINE_TAXELS
         for k in line:
             bad[_STILL, k] |= dead
             bad[_FROZEN, k] |= frozen == len(line)
-            well[_STILL, k] |= trusted == 0 and moving >= LINE_TAXELS
+            good[_STILL, k] |= trusted == 0 and moving >= LINE_TAXELS
 
 
 @compiled_part
@@ -173,7 +173,7 @@ def _trusted(around: Indices, masked: Mask, near: Indices) -> int:
 
 
 @compiled_part
-def _movement(near: Indices, did: Array, means: Array, threshold: float, active: float) -> tuple[float, bool]:
+def _movement(near: Indices, stats: Array, means: Array, threshold: float, active: float) -> tuple[float, bool]:
     """Return how far the mean of some neighbours moves, and whether nearly all of them move with it."""
     count, jitter, along, lowest, highest = len(near), 0.0, 0, math.inf, -math.inf
     for block in range(len(means)):
@@ -183,20 +183,20 @@ def _movement(near: Indices, did: Array, means: Array, threshold: float, active:
         lowest, highest = min(lowest, total), max(highest, total)
     moves = (highest - lowest) / max(count, 1)
     for j in near:
-        jitter += did[_JITTER, j]
-        along += int(did[_TOP, j] > active and did[_SPAN, j] >= MOVING * moves)
+        jitter += stats[_JITTER, j]
+        along += int(stats[_TOP, j] > active and stats[_SPAN, j] >= MOVING * moves)
     beyond_noise = moves > max(threshold, ABOVE_NOISE * jitter / max(count, 1))
     return moves, beyond_noise and count >= 3 and along >= count - int(count >= 7)
 
 
 @compiled_part
-def _is_frozen(k: int, near: Indices, did: Array, least: int) -> bool:
+def _is_frozen(k: int, near: Indices, stats: Array, least: int) -> bool:
     """Return whether the bits of a taxel rest for longer than chance allows beside some neighbours."""
     lowest, second = 1.0, 1.0  # a frozen neighbour does not hide it
     for j in near:
-        if did[_RATE, j] < lowest:
-            lowest, second = did[_RATE, j], lowest
-        elif did[_RATE, j] < second:
-            second = did[_RATE, j]
-    unlikely = -did[_RUN, k] * math.log1p(-min(second, 0.95))
+        if stats[_RATE, j] < lowest:
+            lowest, second = stats[_RATE, j], lowest
+        elif stats[_RATE, j] < second:
+            second = stats[_RATE, j]
+    unlikely = -stats[_RUN, k] * math.log1p(-min(second, 0.95))
     return len(near) >= least and second >= CHANGING and unlikely >= CHANCE
