@@ -190,12 +190,12 @@ class Record:
 
     Attributes:
         name: Name of its file; "" ends the recording that runs.
-        opened: Its first events: the state in force when it begins, without which a replay would know no zero, and the
+        first: Its first events: the state in force when it begins, without which a replay would know no zero, and the
             links that are open, without which it would take no bytes from them.
     """
 
     name: str
-    opened: FirstEvents = ()
+    first: FirstEvents = ()
 
 
 Output = Publish | Write | Reply | Record

@@ -38,7 +38,7 @@ def status(link: DeviceLink, t_ns: int, source: str = "") -> dict[str, Any]:
     """What ``status`` says of a stream, beside what its finger knows."""
     rig = Rig(config.parse(RIG, "rig.toml"), "boot", WallClock(0))
     recordings = RecordingState(rig.boot, rig.wall)
-    publisher = StatusPublisher(rig, recordings.newest, {}, MessageSequencer(rig.boot, rig.config.config_id, rig.wall))
+    publisher = StatusPublisher(rig, recordings, {}, MessageSequencer(rig.boot, rig.config.config_id, rig.wall))
     stream = link.streams[source]
     name, stream.name = stream.name, "alone"
     body = publisher._stream_body(link, stream, t_ns)

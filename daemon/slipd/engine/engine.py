@@ -101,7 +101,7 @@ class Engine:
         self._recordings = RecordingState(boot, self.wall)
         self._sequencer = sequencer = MessageSequencer(boot, config.config_id, self.wall)
         self._publishers = {name: FingerPublisher(each, sequencer, config.rates) for name, each in rig.fingers.items()}
-        self._status = StatusPublisher(rig, self._recordings.newest, self.kept.problems, sequencer)
+        self._status = StatusPublisher(rig, self._recordings, self.kept.problems, sequencer)
         self._handlers = RequestHandlers(rig, self._recordings, self._status.body)
         self._readers = {name: self._reader(name) for name in config.streams()}
         self._suspended_ns: int | None = None
@@ -284,7 +284,7 @@ class Engine:
         for write in self._writes.values():
             write.run_now(t_ns, out)
         for record in self._recordings.due():
-            out.append(replace(record, opened=self.kept.first_events(t_ns)) if record.name else record)
+            out.append(replace(record, first=self.kept.first_events(t_ns)) if record.name else record)
             self._status.publish(t_ns, out)
         self._follow_release()
 

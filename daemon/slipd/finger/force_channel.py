@@ -19,8 +19,7 @@ from slipd.signals.gravity import FRESH_NS, FingerWeight, GravityCompensation
 from slipd.signals.mounting import mounting_matrix
 from slipd.signals.tare import Average, Tare
 from slipd.types.arrays import Array
-from slipd.types.samples import UNTRUSTED as UNTRUSTED_WORDS
-from slipd.types.samples import WrenchSample
+from slipd.types.samples import UNTRUSTED_WORDS, WrenchSample
 
 UNTRUSTED_FAULTS = frozenset({"stuck", "garbage"})
 """Faults with which a reading is not used. Those of an intermittent stream are, while it runs."""

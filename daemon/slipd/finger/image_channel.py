@@ -16,8 +16,7 @@ from slipd.finger.force_image_check import NO_SUMMARY, ForceSummary
 from slipd.finger.freshness import PROMPT, Arrival, Freshness
 from slipd.finger.pad_zero import PadZero
 from slipd.fusion import ContactShape
-from slipd.fusion.rows import UNTRUSTED as UNTRUSTED_PHASE
-from slipd.fusion.rows import Rows
+from slipd.fusion.rows import UNTRUSTED, Rows
 from slipd.fusion.shape import shape_of
 from slipd.fusion.streaming import first_contact, new_readings
 from slipd.signals.charge_reconstruction import ChargeReconstruction
@@ -26,7 +25,7 @@ from slipd.signals.pad import PadGeometry, loads_above, taxel_wrench
 from slipd.signals.tare import LARGEST_READING
 from slipd.signals.taxel_health import FrozenImage, TaxelHealth
 from slipd.types.arrays import Array
-from slipd.types.samples import UNTRUSTED, TactileSample
+from slipd.types.samples import UNTRUSTED_WORDS, TactileSample
 
 STALE: tuple[str, ...] = ("stale",)
 """Reason why an image that is too old, or missing, cannot be used."""
@@ -116,7 +115,29 @@ class ImageChannel:
             arrival: How the image reached the daemon.
         """
         t_ns = sample.t_ns if acquired_ns is None else acquired_ns
-        doubtful = not UNTRUSTED.isdisjoint(sample.status)
+        values, assumed_free = self._condition(sample, t_ns, summary)
+        flat = values.ravel()
+        possible = float(flat.dot(flat)) <= self._most**2  # false for NaN
+        usable = self.zero.known and possible and not (sample.status or self.is_frozen or self.taxel_health.masks)
+        self.reasons = () if usable else self._find_reasons(sample, flat, possible=possible)
+        if self.three_axis:
+            self._forces, values = values, -values[:, 2]
+        self.loads, self._usable, self._distributed = values, not self.reasons, False
+        self.is_independent = self._usable and not assumed_free
+        self.pressure = loads_above(values, self._threshold) if self._usable else np.zeros_like(values)
+        self.t_ns, self.status = t_ns, sample.status
+        freshness = self.freshness
+        freshness.update(sample.t_ns, t_ns, arrival)
+        self.fresh_until_ns = -1 if freshness.late else (freshness.came_ns or 0) + freshness.stale_ns
+
+    def _condition(self, sample: TactileSample, t_ns: int, summary: ForceSummary) -> tuple[Array, bool]:
+        """Check an image acquired at ``t_ns``, and turn its readings into forces.
+
+        Returns:
+            The force on each taxel, shape (n,), or (n, 3) of three-axis taxels; and whether the pad is assumed to be
+            free because the force sensor reads no contact.
+        """
+        doubtful = not UNTRUSTED_WORDS.isdisjoint(sample.status)
         self.is_frozen = self._frozen.update(sample.values, t_ns, summary.normal_n)
         values = self.tare.apply(sample.values, sample.t_ns, trusted=not doubtful and not self.is_frozen)
         if self.three_axis and self.geometry.swap_xy:
@@ -133,25 +154,11 @@ class ImageChannel:
         health.update(readings, t_ns, free, summary.moving, pressure, shear)
         if not doubtful and self._charge is None:
             self.zero.judge(readings, t_ns, free=summary.no_contact)
-        if health.masks:
-            values = health.repair(values)
-        flat = values.ravel()
-        possible = float(flat.dot(flat)) <= self._most**2  # false for NaN
-        usable = self.zero.known and possible and not (sample.status or self.is_frozen or health.masks)
-        self.reasons = () if usable else self._find_reasons(sample, flat, possible=possible)
-        if self.three_axis:
-            self._forces, values = values, -values[:, 2]
-        self.loads, self._usable, self._distributed = values, not self.reasons, False
-        self.is_independent = self._usable and not assumed_free
-        self.pressure = loads_above(values, self._threshold) if self._usable else np.zeros_like(values)
-        self.t_ns, self.status = t_ns, sample.status
-        freshness = self.freshness
-        freshness.update(sample.t_ns, t_ns, arrival)
-        self.fresh_until_ns = -1 if freshness.late else (freshness.came_ns or 0) + freshness.stale_ns
+        return health.repair(values) if health.masks else values, assumed_free
 
     def _find_reasons(self, sample: TactileSample, values: Array, *, possible: bool) -> tuple[str, ...]:
         """Return why an image with these forces on its taxels, in one row, cannot be used."""
-        found = sorted(UNTRUSTED.intersection(sample.status))
+        found = sorted(UNTRUSTED_WORDS.intersection(sample.status))
         if self.is_frozen:
             found.append("stuck")
         if not self.zero.known:
@@ -272,7 +279,7 @@ def wrench_by_taxels(image: ImageChannel, sample: TactileSample, t_ns: int) -> W
         sample: The image.
         t_ns: When it was acquired, CLOCK_MONOTONIC.
     """
-    reasons = tuple(sorted(UNTRUSTED.intersection(sample.status)))
+    reasons = tuple(sorted(UNTRUSTED_WORDS.intersection(sample.status)))
     if not image.zero.known:
         reasons = ("not_tared", *reasons)
     wrench = image.wrench()
@@ -282,5 +289,5 @@ def wrench_by_taxels(image: ImageChannel, sample: TactileSample, t_ns: int) -> W
     if wrench is not None and image.is_stuck(rows):
         reasons = ("stuck", *reasons)
     if reasons:
-        rows["phase"] = UNTRUSTED_PHASE
+        rows["phase"] = UNTRUSTED
     return WrenchBatch((t_ns,), sample.t_ns, rows, True, {0: reasons} if reasons else {}, (sample.status,))

@@ -9,7 +9,7 @@ from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
 from slipd.finger.verdict import PAD_PULLED
 from slipd.signals.tare import Tare
-from slipd.types.samples import UNTRUSTED
+from slipd.types.samples import UNTRUSTED_WORDS
 from slipd_client.messages import Health
 
 Condition = tuple[Health, str]
@@ -96,7 +96,7 @@ def image_conditions(image: ImageChannel) -> list[Condition]:
 def _device_status(status: tuple[str, ...]) -> list[Condition]:
     if not status:
         return []
-    level = Health.WARN if UNTRUSTED.isdisjoint(status) else Health.ERROR
+    level = Health.WARN if UNTRUSTED_WORDS.isdisjoint(status) else Health.ERROR
     return [(level, f"the device reports: {', '.join(status)}")]
 
 

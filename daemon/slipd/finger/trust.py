@@ -13,7 +13,7 @@ from slipd.config import Stream
 from slipd.finger.force_channel import UNTRUSTED_FAULTS
 from slipd.finger.verdict import PAD_FREE, PAD_PULLED, UNTARED, WEIGHT_UNKNOWN, Verdict
 from slipd.signals.force_image_agreement import CLEAR
-from slipd.types.samples import UNTRUSTED as UNTRUSTED_WORDS
+from slipd.types.samples import UNTRUSTED_WORDS
 
 if TYPE_CHECKING:
     from slipd.finger.finger import Finger

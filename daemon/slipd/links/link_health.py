@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from slipd.devices import Device
 from slipd.events import LinkSpec
-from slipd.links.device_link import DeviceLink
-from slipd.links.stream_meter import FLOOD_FACTOR, RATE_TOLERANCE, StreamMeter
+from slipd.links.device_link import FLOOD_FACTOR, DeviceLink
+from slipd.links.stream_meter import RATE_TOLERANCE, StreamMeter
 from slipd_client.messages import Health
 from slipd_client.messages.names import DAEMON_LATE
 

@@ -1,4 +1,4 @@
-"""One stream of a link: the times of its readings, their count and rate, and the most that a link may bring."""
+"""One stream of a link: the times of its readings, their count and rate."""
 
 from __future__ import annotations
 
@@ -20,12 +20,6 @@ RATE_WINDOW_NS = 500_000_000
 
 OLDEST_HOST_NS = 10_000_000_000
 """Oldest time that another process may state: the longest wait of a reading for a stalled loop."""
-FLOOD_FACTOR = 4.0
-"""Multiple of its expected rate at which a device floods; a rate in a config is easily wrong by two."""
-BURST_S = 1.0
-"""Readings that may arrive at once after a stall of the daemon, as time at the expected rate."""
-LEAST_BURST = 32.0
-"""Least number of readings that may arrive at once: slow streams come in bunches too."""
 
 
 _KINDS: dict[type[StreamConfig], type[Sample]] = {
@@ -172,37 +166,3 @@ def host_time(device_time_ns: int | None, receipt_ns: int) -> tuple[int, bool]:
     if device_time_ns is not None and 0 <= receipt_ns - device_time_ns <= OLDEST_HOST_NS:
         return device_time_ns, True
     return receipt_ns, False
-
-
-class FloodGuard:
-    """The readings that a link may bring now: a store that fills at a multiple of the expected rate.
-
-    Attributes:
-        rate_hz: Expected rate of all streams of the link, Hz.
-        left: Readings that it may bring before `limit` must look at the time; the caller subtracts what came.
-        dropped: Readings dropped since the daemon began.
-        dropped_ns: When readings were dropped last; None: never.
-    """
-
-    def __init__(self) -> None:
-        self.rate_hz = self.left = 0.0
-        self.dropped = 0
-        self.dropped_ns: int | None = None
-        self._filled_ns = 0
-
-    def open(self, t_ns: int) -> None:
-        """Begin with a full store on a link opened at ``t_ns``."""
-        self._filled_ns, self.left = t_ns, self._burst()
-
-    def limit(self, samples: Sequence[Sample], t_ns: int) -> Sequence[Sample]:
-        """Return readings received at ``t_ns``, more than are left, without the oldest that exceed the limit."""
-        refill = (t_ns - self._filled_ns) * 1e-9 * FLOOD_FACTOR * self.rate_hz
-        self.left, self._filled_ns = min(self.left + refill, self._burst()), t_ns
-        surplus = max(len(samples) - int(self.left), 0)
-        if surplus:
-            self.dropped += surplus
-            self.dropped_ns = t_ns
-        return samples[surplus:]
-
-    def _burst(self) -> float:
-        return max(BURST_S * self.rate_hz, LEAST_BURST)

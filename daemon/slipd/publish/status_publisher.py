@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from typing import Protocol
 
 import numpy as np
 
@@ -26,12 +27,24 @@ from slipd.types.device_text import one_line
 from slipd_client.messages import STATUS_TOPIC, Health
 
 
+class Recordings(Protocol):
+    """The recordings that ``status`` reports.
+
+    Attributes:
+        requested: The newest one on request; its state is "none" before the first.
+        whole_run: That of the whole run; None where there is none.
+    """
+
+    requested: RecordingChanged
+    whole_run: RecordingChanged | None
+
+
 class StatusPublisher:
     """Publish the state of the daemon.
 
     Args:
         rig: The rig of this run.
-        recordings: Returns the newest recording on request, and that of the whole run; None where there is none.
+        recordings: The recordings of this run.
         not_restored: Why tares of the run before are not used, by stream.
         sequencer: Numbers and dates the messages.
     """
@@ -39,7 +52,7 @@ class StatusPublisher:
     def __init__(
         self,
         rig: Rig,
-        recordings: Callable[[], tuple[RecordingChanged, RecordingChanged | None]],
+        recordings: Recordings,
         not_restored: Mapping[str, str],
         sequencer: MessageSequencer,
     ) -> None:
@@ -71,7 +84,7 @@ class StatusPublisher:
 
     def body(self, t_ns: int) -> Body:
         """Return ``status``: the state at ``t_ns``; also the result of the request of that name."""
-        recording, run_recording = self._recordings()
+        recordings = self._recordings
         gripper, lateness, named = self._rig.gripper, self._rig.lateness, self._rig.named
         return {
             "version": __version__,
@@ -85,8 +98,8 @@ class StatusPublisher:
             "late_s": lateness.worst_ns(t_ns) * 1e-9,
             "lease": lease_body(gripper.policy.lease, t_ns),
             "gripper": gripper_body(gripper, t_ns) if isinstance(gripper, GripperControl) else None,
-            "recording": _recording_body(recording),
-            "run_recording": None if run_recording is None else _recording_body(run_recording),
+            "recording": _recording_body(recordings.requested),
+            "run_recording": None if recordings.whole_run is None else _recording_body(recordings.whole_run),
             **({} if self._incidents is None else {"incidents": _incidents_body(self._incidents)}),
             "notices": {topic: one_line(text) for topic, text in self._notices.items()},
         }

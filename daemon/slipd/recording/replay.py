@@ -17,7 +17,7 @@ from slipd.events import Bytes, LinkDown, LinkUp, Publish
 from slipd.recording.reader import Recording
 
 
-class Pace:
+class PlaybackPace:
     """Let recorded time pass like real time, or faster by a factor.
 
     Args:
@@ -58,7 +58,8 @@ def replay(
     Args:
         recording: The recording.
         settings: Another config than the recorded one, with the same streams; None: the recorded one.
-        on_event: Called with the time of each event, ns, before it enters the engine; `Pace.wait_until`, for example.
+        on_event: Called with the time of each event, ns, before it enters the engine, such as
+            `PlaybackPace.wait_until`.
 
     Raises:
         ConfigError: The recorded config has faults (for this version of slipd).

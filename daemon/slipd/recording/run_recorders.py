@@ -73,7 +73,7 @@ class RequestedRecordings:
                 _log.warning("%s: %s", path, error, extra={"slipd_recording": path, "slipd_fault": "recording-failed"})
                 self._refused.append(RecordingChanged(record.name, str(path), "failed", f"{path}: {error}"))
                 return
-            for event in record.opened:
+            for event in record.first:
                 self.running.add(EVENTS, event, t_ns)
 
     def _start(self, path: Path, t_ns: int) -> Recorder:

@@ -32,10 +32,6 @@ class RecordingState:
         self._waiting: dict[str, Request] = {}
         self._due: list[Record] = []
 
-    def newest(self) -> tuple[RecordingChanged, RecordingChanged | None]:
-        """Return the newest requested recording and the recording of the whole run, each None if absent."""
-        return self.requested, self.whole_run
-
     def start(self, request: Request, t_ns: int) -> None:
         """Start a recording; the reply waits for the disk (`note`).
 

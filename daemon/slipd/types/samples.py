@@ -12,7 +12,7 @@ import numpy as np
 
 from slipd.types.arrays import Array
 
-UNTRUSTED = frozenset({"overload", "invalid", "raw"})
+UNTRUSTED_WORDS = frozenset({"overload", "invalid", "raw"})
 """Status words of a reading whose value cannot be trusted."""
 
 _NO_TORQUE = (0.0, 0.0, 0.0)

@@ -9,8 +9,7 @@ from nanoseconds import MS, T0, S
 
 from slipd.devices import DEVICES, tsf85
 from slipd.finger.freshness import PROMPT
-from slipd.links.device_link import DeviceLink, make_links
-from slipd.links.stream_meter import FloodGuard
+from slipd.links.device_link import DeviceLink, FloodGuard, make_links
 from slipd.types.samples import WrenchSample
 from slipd_client.messages import Health
 

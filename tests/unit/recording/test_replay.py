@@ -13,7 +13,7 @@ from slipd.events import Bytes, Event, LinkDown, LinkUp, Publish, Reply, Request
 from slipd.recording.mcap_file import EVENTS
 from slipd.recording.reader import Recording, open_recording
 from slipd.recording.recorder import Recorder
-from slipd.recording.replay import Pace, replay
+from slipd.recording.replay import PlaybackPace, replay
 from slipd.tools.recordings.grips_import import import_trial
 from slipd_client import messages
 
@@ -94,7 +94,7 @@ def test_K5_a_replay_publishes_byte_for_byte_what_the_live_run_published(live: R
 def test_the_recorded_speed_is_kept(trial: Recording) -> None:
     """So slow that no computer is late; no time passes in the sleeps, so the last is the whole way from the start."""
     waits_s: list[float] = []
-    paced = list(replay(trial, on_event=Pace(1e-3, waits_s.append).wait_until))
+    paced = list(replay(trial, on_event=PlaybackPace(1e-3, waits_s.append).wait_until))
     assert 5000.0 < max(waits_s) <= 5250.0
     assert paced == list(replay(trial))
 
@@ -108,7 +108,7 @@ def test_pace_lets_recorded_time_pass_at_its_speed_and_makes_up_for_time_spent_e
 ) -> None:
     waited_s: list[float] = []
     elsewhere_s = [77.0]
-    pace = Pace(speed, waited_s.append, lambda: round(1e9 * sum(elsewhere_s + waited_s)))
+    pace = PlaybackPace(speed, waited_s.append, lambda: round(1e9 * sum(elsewhere_s + waited_s)))
     pace.wait_until(5_000_000_000)
     elsewhere_s.append(spent_s)
     for t_ns in (5_500_000_000, 5_500_000_000, 6_000_000_000):

@@ -58,7 +58,7 @@ def begun(*names: str) -> Step:
 
 def with_open_links(run: Run) -> None:
     (record,) = (one for _, one in run.out if isinstance(one, Record))
-    assert record.opened[1:] == tuple(LinkUp(link, f"opened {link}") for link in OPEN)
+    assert record.first[1:] == tuple(LinkUp(link, f"opened {link}") for link in OPEN)
 
 
 START_BODY = {"v": 1, "op": "record.start", "boot": "b00t", "deadline_ns": 100_400_000_000}

@@ -26,7 +26,7 @@ from slipd.signals.mounting import mounting_matrix
 from slipd.signals.tare import MIN_READINGS, Average, most_std
 from slipd.tools.commission.weight_identification import Identification, identify
 from slipd.types.arrays import Array
-from slipd.types.samples import UNTRUSTED, WrenchSample
+from slipd.types.samples import UNTRUSTED_WORDS, WrenchSample
 
 POSE_TOLERANCE_MPS2 = 0.5
 """A pose ends when gravity has changed by this much since its start, m/s²: 3° of tilt."""
@@ -160,7 +160,7 @@ def _rests(timed: Iterator[tuple[int, Array | WrenchSample]]) -> list[_Rest]:
             continue
         if gravity is None or t_ns - set_ns > FRESH_NS:
             continue
-        if UNTRUSTED.isdisjoint(item.status) and item.torque_nm is not None:
+        if UNTRUSTED_WORDS.isdisjoint(item.status) and item.torque_nm is not None:
             if not rests or math.dist(gravity, rests[-1].gravity) > POSE_TOLERANCE_MPS2:
                 rests.append(_Rest(gravity, t_ns))
             rests[-1].last_ns = t_ns

@@ -26,7 +26,7 @@ from websockets.http11 import Response
 from slipd.compile_kernels import compile_kernels, interruptible
 from slipd.errors import SlipdError
 from slipd.recording.reader import EventGaps, Recording, open_recording
-from slipd.recording.replay import Pace, replay
+from slipd.recording.replay import PlaybackPace, replay
 from slipd.types.device_text import printable
 from slipd_client.arguments import ListenAddress
 from slipd_client.errors import CallError
@@ -64,7 +64,7 @@ def replay_command(path: Path, speed: float | None, *, as_json: bool, publish: s
     begin_ns, _ = next(recording.events(), (0, None))
     show = partial(_print_json if as_json else _print_change, begin_ns)
     with interruptible():
-        messages = replay(recording, on_event=Pace(speed).wait_until) if speed else replay(recording)
+        messages = replay(recording, on_event=PlaybackPace(speed).wait_until) if speed else replay(recording)
         compile_kernels()
     if speed is not None:
         pace = "in real time" if speed == 1.0 else f"at {speed:g} times real time"
