@@ -18,7 +18,7 @@ from fit.score import Spans, spans_of
 
 from slipd import config
 from slipd.engine.held_motion import REPORTED_NS
-from slipd.fusion.levels import ContactWatch
+from slipd.fusion.levels import ContactState
 from slipd.fusion.load_blocks import GAP_S, RING, forget_load
 from slipd.fusion.rows import BLOCK as BLOCKS
 from slipd.fusion.rows import Rows, new_rows
@@ -42,10 +42,10 @@ class LoadRules:
 
     def spans(self, grasp: Grasp, replaced: Mapping[str, float]) -> Spans:
         """Return when the load of a grasp shows slip, with other values of some constants."""
-        watch = ContactWatch(config.Levels(), config.Slip(), math.nan, 0.0)
+        watch = ContactState(config.Levels(), config.Slip(), math.nan, 0.0)
         slips = np.zeros(len(grasp.load), np.bool_)
         values = np.array([replaced.get(name, _value(name)) for name in self._given])
-        drops, ring = np.ascontiguousarray(watch.state["drop"]), new_rows(BLOCKS, RING)
+        drops, ring = np.ascontiguousarray(watch.row["drop"]), new_rows(BLOCKS, RING)
         self._follow(np.ascontiguousarray(grasp.load), drops, ring, slips, values)
         return spans_of(grasp.load[:, 0], slips)
 

@@ -8,17 +8,17 @@ import numpy as np
 
 from slipd.config import Levels, Slip
 from slipd.fusion.assess import assess_readings
-from slipd.fusion.levels import Assessment, ContactWatch, Uncertainty
+from slipd.fusion.levels import Assessment, ContactState, WrenchUncertainty
 from slipd.fusion.rows import READING, TOUCHING, Rows, new_rows
 from slipd.types.arrays import Array
 
 MU = 0.6
 NORMAL_N, STD_N = 10.0, 0.02
-NOISELESS = Uncertainty()
+NOISELESS = WrenchUncertainty()
 
 
-def watch(settings: Slip | None = None) -> ContactWatch:
-    return ContactWatch(Levels(), settings or Slip(), 0.001, 0.3)
+def watch(settings: Slip | None = None) -> ContactState:
+    return ContactState(Levels(), settings or Slip(), 0.001, 0.3)
 
 
 def contact_rows(
@@ -60,19 +60,19 @@ def readings(
 
 
 def assess(
-    contact: ContactWatch, rows: Rows, mu: float = MU, uncertainty: Uncertainty = NOISELESS, spin_1n: float = 0.0
+    contact: ContactState, rows: Rows, mu: float = MU, uncertainty: WrenchUncertainty = NOISELESS, spin_1n: float = 0.0
 ) -> None:
     """Fill in the assessments of readings with these conditions in force."""
     contact.set_friction(mu)
     contact.set_uncertainty(uncertainty)
-    assess_readings(rows, contact.state, spin_1n)
+    assess_readings(rows, contact.row, spin_1n)
 
 
 def assessed(rows: Rows, mu: float = MU, settings: Slip | None = None, std_n: float = STD_N, size: int = 0) -> Rows:
     """Return the assessments of readings, which come together, or in reads of a size."""
     contact = watch(settings)
     for first in range(0, len(rows), size or len(rows)):
-        assess(contact, rows[first : first + (size or len(rows))], mu, Uncertainty(std_n))
+        assess(contact, rows[first : first + (size or len(rows))], mu, WrenchUncertainty(std_n))
     return rows["assessment"]
 
 

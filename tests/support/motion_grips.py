@@ -16,7 +16,7 @@ from slipd.finger.verdict import GRIP_HOLDS
 from slipd.friction.friction_state import FrictionState
 from slipd.fusion import tipping_margin, utilisation
 from slipd.fusion.contact import contact_of
-from slipd.fusion.levels import Uncertainty
+from slipd.fusion.levels import WrenchUncertainty
 from slipd.fusion.rows import TOUCHING
 from slipd.fusion.streaming import new_readings
 from slipd.grasp.arm_history import ArmGravity
@@ -190,7 +190,9 @@ class Advised:
         self.advice.follow(self.t_ns)
 
     def _finger(self, name: str) -> Any:
-        force = SimpleNamespace(gravity=SimpleNamespace(state=lambda t_ns: "none"), noise=Uncertainty(*self._noise))
+        force = SimpleNamespace(
+            gravity=SimpleNamespace(state=lambda t_ns: "none"), noise=WrenchUncertainty(*self._noise)
+        )
         config = SimpleNamespace(grip_safety=1.5, pad=SimpleNamespace(pitch_m=PITCH_M))
         return SimpleNamespace(name=name, force=force, config=config, state=None)
 

@@ -13,7 +13,7 @@ from slipd.finger.force_image_check import COMPARE_NS
 from slipd.finger.image_channel import ImageChannel
 from slipd.fusion import contact_from_wrench
 from slipd.fusion.held_pad import HeldPad, tipping_edges, twist_net
-from slipd.fusion.levels import ContactWatch
+from slipd.fusion.levels import ContactState
 from slipd.fusion.motion_limits import nearest_limit, worst_turn
 from slipd.fusion.motion_scale import check_points, follow_gravity, largest_scales
 from slipd.fusion.object_swing import swing_excess
@@ -34,7 +34,7 @@ from slipd.types.samples import TactileSample, WrenchSample
 def warm_up() -> None:
     """Call each kernel with arrays of the types that a run uses; with a warm cache this takes some 10 ms."""
     x, y = np.array((0.0, 0.01, 0.0, 0.01)), np.array((0.0, 0.0, 0.01, 0.01))
-    move_to_pad(new_readings([(0.0,) * 6], [0]), ContactWatch(Levels(), Slip(), 0.0, 0.5).state)
+    move_to_pad(new_readings([(0.0,) * 6], [0]), ContactState(Levels(), Slip(), 0.0, 0.5).row)
     contact = contact_from_wrench((0.1, 0.0, -1.0), (0.0, 0.0, 0.001))
     Agreement(2, 2, 0.01, 0.5).update(0, contact, 0.02, x, y, np.ones(4))
     charge = ChargeReconstruction(4, 1.0)

@@ -1,7 +1,7 @@
 """Estimate the contact of one finger, read by read: contact phase, utilisation, tipping margin, slip, and level.
 
 All readings of one read go through the compiled kernels of `slipd.fusion` at once. What the next read continues from
-is kept in one row, `ContactWatch.state`; its conditions show why a verdict came out as it did.
+is kept in one row, `ContactState.row`; its conditions show why a verdict came out as it did.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from slipd.finger.force_channel import WrenchBatch
 from slipd.finger.image_channel import ImageChannel
 from slipd.friction.friction_estimate import FrictionEstimate
 from slipd.friction.friction_state import FrictionState
-from slipd.fusion.levels import ContactWatch, Uncertainty
+from slipd.fusion.levels import ContactState, WrenchUncertainty
 from slipd.fusion.rows import FREE, NO_CONTACT, TOUCHING, UNKNOWN, Rows
 from slipd.fusion.streaming import contact_at, find_contacts, judge_readings
 from slipd.signals.force_image_agreement import CLEAR, STDS
@@ -39,7 +39,7 @@ class ContactEstimator:
 
     Attributes:
         friction: Coefficients of friction in use.
-        watch: Conditions in force, and the memory of the kernels.
+        contact: Conditions in force, and the memory of the kernels.
         certain: The readings are off by their noise alone, not by the unknown weight of the finger.
     """
 
@@ -47,7 +47,7 @@ class ContactEstimator:
         slip = config.slip
         half_pitch_m = 0.5 * config.pad.pitch_m if config.pad is not None else math.nan
         self.friction = FrictionEstimate(config.mu, config.mu_spread, config.most_mu, slip.drop, config.mu_rotation)
-        self.watch = ContactWatch(levels, slip, half_pitch_m, config.min_normal_n)
+        self.contact = ContactState(levels, slip, half_pitch_m, config.min_normal_n)
         self._caution = levels.caution
         self._drift_n, self._bias_n = _most_zero_n(config)
         self._friction_in_force: FrictionState | None = None
@@ -58,16 +58,16 @@ class ContactEstimator:
     @property
     def in_contact(self) -> bool:
         """The newest reading that could be trusted touches."""
-        return bool(self.watch.state["memory"]["in_contact"][0])
+        return bool(self.contact.row["memory"]["in_contact"][0])
 
     def note_motion(self, until_ns: int, evidence: int) -> None:
-        """Report slip until a time; see `ContactWatch.note_motion`."""
-        self.watch.note_motion(until_ns * 1e-9, evidence)
+        """Report slip until a time; see `ContactState.note_motion`."""
+        self.contact.note_motion(until_ns * 1e-9, evidence)
         self.friction.note_turn(until_ns * 1e-9)
 
     def end_contact(self) -> None:
         """Forget the contact: it ended, or is no longer known."""
-        self.watch.reset()
+        self.contact.reset()
         self.friction.end_contact()
 
     def estimate(
@@ -93,13 +93,13 @@ class ContactEstimator:
             image_free: The pad shows by itself that nothing presses. It decides where the unknown weight of the finger
                 may hide a contact from the force sensor.
         """
-        rows, times_ns, friction, watch = readings.rows, readings.times_ns, self.friction, self.watch
-        ends_at, phases = find_contacts(rows, watch.state, oldest_ns, readings.moved)
+        rows, times_ns, friction, contact = readings.rows, readings.times_ns, self.friction, self.contact
+        ends_at, phases = find_contacts(rows, contact.row, oldest_ns, readings.moved)
         distribution, count = None, len(times_ns)
         if image is not None and phases & 1 << TOUCHING:
             distribution = image.load_distribution(rows)
         if disagreement:
-            watch.forget_load()  # a wrong reading, and its end, look like a load that falls
+            contact.forget_load()  # a wrong reading, and its end, look like a load that falls
             friction.discard_grasp()
         frictions: list[FrictionState] = []
         begin = 0
@@ -121,10 +121,12 @@ class ContactEstimator:
 
     def _judge(self, rows: Rows, distribution: LoadDistribution | None, agrees_at: int, *, teaches: bool) -> None:
         """Solve and assess readings with one friction, and learn from those of index ``agrees_at`` or more."""
-        friction, watch = self.friction, self.watch
+        friction, contact = self.friction, self.contact
         if friction.state is not self._friction_in_force:
             self._friction_in_force = friction.state
-            watch.set_friction(math.nan if friction.state.mu is None else friction.state.mu, friction.state.spin_scale)
+            contact.set_friction(
+                math.nan if friction.state.mu is None else friction.state.mu, friction.state.spin_scale
+            )
         if distribution is not self._distribution:
             self._distribution, self._arrays = distribution, _NO_TAXELS
             if distribution is not None:
@@ -138,7 +140,7 @@ class ContactEstimator:
                     shape_error,
                 )
         teaches_from = agrees_at if teaches and self.certain and distribution is not None else len(rows)
-        judge_readings(rows, watch.state, friction.learning, *self._arrays, teaches_from)
+        judge_readings(rows, contact.row, friction.learning, *self._arrays, teaches_from)
         if friction.rotation.stated is not None:
             self._learn_rotation(rows, distribution)
 
@@ -151,7 +153,7 @@ class ContactEstimator:
         if not self.in_contact:
             self.friction.forget_turns()
 
-    def set_uncertainty(self, uncertainty: Uncertainty, *, zero_known: bool) -> None:
+    def set_uncertainty(self, uncertainty: WrenchUncertainty, *, zero_known: bool) -> None:
         """Put the uncertainty of the readings in force, and the negative normal force that it does not explain.
 
         Args:
@@ -159,10 +161,13 @@ class ContactEstimator:
             zero_known: The zero of the force is known. Otherwise no reading shows a contact, or the want of one.
         """
         self.certain = uncertainty.force_n == 0.0
-        self.watch.set_uncertainty(uncertainty)
+        self.contact.set_uncertainty(uncertainty)
         pulled_n = self._drift_n + STDS * uncertainty.force_std_n + uncertainty.force_n
-        now = self.watch.state["conditions"]
-        now["pulled_n"], now["zero_known"] = pulled_n if zero_known else pulled_n + self._bias_n, zero_known
+        conditions = self.contact.row["conditions"]
+        conditions["pulled_n"], conditions["zero_known"] = (
+            pulled_n if zero_known else pulled_n + self._bias_n,
+            zero_known,
+        )
 
 
 def _most_zero_n(config: FingerConfig) -> tuple[float, float]:

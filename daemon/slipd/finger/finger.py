@@ -25,7 +25,7 @@ from slipd.finger.freshness import PROMPT, Arrival, ForceRead, pop_served
 from slipd.finger.image_channel import ImageChannel, wrench_by_taxels
 from slipd.finger.trust import ContactPresence, Trust
 from slipd.finger.verdict import PAD_FREE, ROTATION_UNOBSERVED, STREAM_STALE, Verdict
-from slipd.fusion.levels import Uncertainty
+from slipd.fusion.levels import WrenchUncertainty
 from slipd.fusion.rows import PULLED, TOUCHING
 from slipd.fusion.streaming import without_verdict
 from slipd.motion.evidence import evidence_mask
@@ -68,7 +68,7 @@ class Finger:
         wrench, pad = config.wrench, config.pad
         self.name, self.config = name, config
         self._estimator = ContactEstimator(config, levels)
-        self.friction, state = self._estimator.friction, self._estimator.watch.state
+        self.friction, state = self._estimator.friction, self._estimator.contact.row
         self.force = ForceChannel(wrench, state) if wrench is not None else None
         self.image = ImageChannel(pad, config) if pad is not None else None
         both = {"wrench": self.force, "pad": self.image}
@@ -79,8 +79,8 @@ class Finger:
         self.image_in_newtons = pad is not None and in_newtons(pad)
         self.in_newtons = wrench is not None or self.image_in_newtons
         self.freshness = self.main.freshness
-        self._uncertainty = Uncertainty() if self.force is None else self.force.noise
-        self._in_force: tuple[Uncertainty, bool] | None = None
+        self._uncertainty = WrenchUncertainty() if self.force is None else self.force.noise
+        self._in_force: tuple[WrenchUncertainty, bool] | None = None
         self.presence, self.trust, self._guard = ContactPresence(self), Trust(self), TareGuard(self)
         self._check: ForceImageCheck | None = None
         if pad is not None and self.force is not None and self.image is not None:
@@ -242,7 +242,7 @@ class Finger:
             self.friction.doubt()
         self._follow_image()
 
-    def _set_uncertainty(self, uncertainty: Uncertainty) -> None:
+    def _set_uncertainty(self, uncertainty: WrenchUncertainty) -> None:
         """Put the uncertainty of the readings in force, if it or what is known of the zero changed."""
         if (uncertainty, self.zero_known) != self._in_force:
             self._uncertainty, self._in_force = uncertainty, (uncertainty, self.zero_known)
@@ -368,7 +368,7 @@ class Finger:
     def set_friction(self, mu_s: float, mu_d: float | None, by: str = "", t_ns: int | None = None) -> None:
         """Use the coefficients of friction that client ``by`` states at ``t_ns``; see `FrictionEstimate.set`."""
         self.friction.set(mu_s, mu_d, by, t_ns)
-        self._estimator.watch.state["drop"]["least_drop"] = self.friction.drop
+        self._estimator.contact.row["drop"]["least_drop"] = self.friction.drop
 
     def begin_tare(
         self, t_ns: int, seconds: float, by: str, stream: str | None = None, *, unloaded: bool = False

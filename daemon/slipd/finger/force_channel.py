@@ -10,7 +10,7 @@ import numpy as np
 
 from slipd.config import Wrench, stale_after_ns
 from slipd.finger.freshness import Arrival, Freshness
-from slipd.fusion.levels import Uncertainty
+from slipd.fusion.levels import WrenchUncertainty
 from slipd.fusion.rows import GARBAGE, NOT_FINITE, PENDING, STUCK, UNTRUSTED, Rows
 from slipd.fusion.streaming import move_to_pad, new_readings
 from slipd.signals.drift import DriftCompensation
@@ -52,7 +52,7 @@ class ForceChannel:
 
     Args:
         wrench: ``[finger.X.wrench]``.
-        state: One row of STATE, in whose conditions mounting, offset and weight are kept up to date.
+        state: One row of CONTACT_STATE, in whose conditions mounting, offset and weight are kept up to date.
 
     Attributes:
         freshness: Of the readings.
@@ -74,7 +74,7 @@ class ForceChannel:
         self.zero = self.tare = Tare(np.zeros(6), np.repeat(noise, 3))
         self.tare.on_change.append(self._follow_tare)
         self.mass_kg = wrench.mass_kg
-        self.noise = Uncertainty(*noise)
+        self.noise = WrenchUncertainty(*noise)
         self.gravity = GravityCompensation(FingerWeight(wrench.mass_kg, wrench.com_m))
         self._gravity_before: Sequence[float] | Array | None = None  # the running tare; as it was known first
         self._gravity_since = Average((3,))
@@ -187,9 +187,9 @@ class ForceChannel:
             fresh_ns: For how long they are valid.
         """
         self.set_gravity(gravity_mps2, t_ns, fresh_ns)
-        now = self._state["conditions"]
-        now["felt_mps2"], now["turn_radps"] = gravity_mps2[:2], turn_radps
-        now["felt_s"], now["felt_lasts_s"] = t_ns * 1e-9, fresh_ns * 1e-9
+        conditions = self._state["conditions"]
+        conditions["gravity_mps2"], conditions["turn_radps"] = gravity_mps2[:2], turn_radps
+        conditions["gravity_s"], conditions["gravity_lasts_s"] = t_ns * 1e-9, fresh_ns * 1e-9
 
     def _give_up_turned_tare(self, gravity_mps2: Sequence[float]) -> None:
         """Give up a tare over which the mean weight differs from that at its begin by more than the noise."""
@@ -198,11 +198,11 @@ class ForceChannel:
         if self.mass_kg * math.dist(before, self._gravity_since.mean) > self.noise.force_std_n:
             self.tare.abort("turned")
 
-    def uncertainty(self, t_ns: int) -> Uncertainty:
+    def uncertainty(self, t_ns: int) -> WrenchUncertainty:
         """Return how far a reading at ``t_ns`` may be off."""
         if self.mass_kg == 0.0:
             return self.noise
-        return Uncertainty(*self.noise[:2], *self.gravity.uncertainty(t_ns))
+        return WrenchUncertainty(*self.noise[:2], *self.gravity.uncertainty(t_ns))
 
     def _follow_tare(self) -> None:
         """Use the offset of a tare, or that of its undo, which has a lower id."""
@@ -220,5 +220,5 @@ class ForceChannel:
     def _set_conditions(self) -> None:
         """Put the offset and the weight in force."""
         weight = self.gravity.correction
-        now = self._state["conditions"]
-        now["offset"], now["weight"] = self._offset.value, 0.0 if weight is None else weight
+        conditions = self._state["conditions"]
+        conditions["offset"], conditions["weight"] = self._offset.value, 0.0 if weight is None else weight

@@ -52,7 +52,7 @@ class ForceImageCheck:
         pad: ``[finger.X.pad]``.
         force: The force sensor.
         image: The pad.
-        state: One row of STATE, whose forces the kernels keep.
+        state: One row of CONTACT_STATE, whose forces the kernels keep.
 
     Attributes:
         disagreement: Reasons of a verdict: "disagreement_contact", "disagreement_centroid", "disagreement_force".
@@ -119,7 +119,7 @@ def _contact_at(
     Without torque, its centroid and spin are NaN. Where it is not valid, only its normal force is known.
 
     Args:
-        states: One row of STATE.
+        states: One row of CONTACT_STATE.
         t_ns: CLOCK_MONOTONIC.
         force_std: Standard deviation of each force component, N.
         torque_std: Standard deviation of each torque component, N·m.

@@ -43,8 +43,8 @@ def assess_readings(readings: Rows, states: Rows, spin_utilisation_1n: float) ->
         spin_utilisation_1n: λ of the uncertain torque alone at a normal force of 1 N.
     """
     state = states[0]
-    now, watch, drop, ring = state["conditions"], state["memory"], state["drop"], state["ring"]
-    mu, unknown_n = now["mu"], now["force_n"]
+    conditions, memory, drop, ring = state["conditions"], state["memory"], state["drop"], state["ring"]
+    mu, unknown_n = conditions["mu"], conditions["force_n"]
     for k in range(len(readings)):
         row = readings[k]
         contact, found = row["contact"], row["assessment"]
@@ -53,12 +53,12 @@ def assess_readings(readings: Rows, states: Rows, spin_utilisation_1n: float) ->
         if phase == UNTRUSTED:
             continue
         if phase != TOUCHING:
-            _forget(watch, drop)
-            if phase == FREE and normal + unknown_n < now["begins_n"]:
+            _forget(memory, drop)
+            if phase == FREE and normal + unknown_n < conditions["begins_n"]:
                 found["level"] = NO_CONTACT
             continue
         exact = row["utilisation"]["kind"] != UNSOLVED and not math.isnan(contact["spin_nm"])
-        slips = _find_motion(row, now, watch, drop, ring, exact)
+        slips = _find_motion(row, conditions, memory, drop, ring, exact)
         if math.isnan(mu):
             if slips:
                 found["level"] = SLIPPING
@@ -72,16 +72,16 @@ def assess_readings(readings: Rows, states: Rows, spin_utilisation_1n: float) ->
             if unknown_n > 0.0:  # the gauge of a sum is at most the sum of the gauges
                 free = normal - unknown_n
                 upper = (measured * normal + unknown_n / mu + spin_utilisation_1n) / free if free > 0.0 else math.inf
-        width = max(now["hysteresis"], NOISE_WIDTH * max(drop["std"], drop["rough"]) / mu)
-        used = settle(row, now, watch, upper, measured, exact)
-        warning = now["warning"]
-        sooner = warning - now["hysteresis"]
+        width = max(conditions["hysteresis"], NOISE_WIDTH * max(drop["std"], drop["rough"]) / mu)
+        used = settle(row, conditions, memory, upper, measured, exact)
+        warning = conditions["warning"]
+        sooner = warning - conditions["hysteresis"]
         if sooner <= used < warning and grows(drop, ring, mu, sooner):
             warning = sooner
-        step = held_step(used, now, watch, warning, width, t_s)
+        step = held_step(used, conditions, memory, warning, width, t_s)
         found["friction_step"], found["utilisation_upper"] = step, upper
         if exact:
-            tipping = _find_tipping(row, now, watch)
+            tipping = _find_tipping(row, conditions, memory)
             found["level"] = SLIPPING if slips else max(step, tipping) + 1
         elif slips or step == WARNING:  # translation alone can prove a grip unsafe, never safe
             found["level"] = SLIPPING if slips else WARNING + 1
@@ -97,22 +97,22 @@ def _find_nothing(found: Row) -> None:
 
 
 @compiled_part
-def _forget(watch: Row, drop: Row) -> None:
+def _forget(memory: Row, drop: Row) -> None:
     """Forget a contact that ended."""
-    watch["step"], watch["tipping_step"], watch["moving_until_s"] = STABLE, STABLE, -math.inf
-    watch["settled"] = 0.0
+    memory["step"], memory["tipping_step"], memory["moving_until_s"] = STABLE, STABLE, -math.inf
+    memory["settled"] = 0.0
     forget_load(drop)
 
 
 @compiled_part
-def _find_motion(row: Row, now: Row, watch: Row, drop: Row, ring: Rows, exact: bool) -> bool:
+def _find_motion(row: Row, conditions: Row, memory: Row, drop: Row, ring: Rows, exact: bool) -> bool:
     """Fill in the required friction and what shows that the object moves; return whether it does.
 
     Without an image, the limit surface is taken for an ellipsoid with the arm SPIN_ARM_M. Where μ is unknown, λ was
     solved for μ = 1, so it is the required friction.
     """
     contact, found = row["contact"], row["assessment"]
-    normal, ratio, mu = contact["normal_n"], contact["friction_ratio"], now["mu"]
+    normal, ratio, mu = contact["normal_n"], contact["friction_ratio"], conditions["mu"]
     if exact:
         q = row["utilisation"]["value"] * (1.0 if math.isnan(mu) else mu)
         found["required_friction"] = q
@@ -124,40 +124,43 @@ def _find_motion(row: Row, now: Row, watch: Row, drop: Row, ring: Rows, exact: b
     elif exact != drop["exact"]:  # q by an image and q by the force alone are not comparable
         forget_load(drop)
         drop["exact"] = exact
-    std = math.hypot(now["force_std_n"] * math.hypot(1.0, ratio), now["torque_std_nm"] / SPIN_ARM_M) / normal
-    gx, gy = now["felt_mps2"][0], now["felt_mps2"][1]
-    if not abs(row["t_s"] - now["felt_s"]) <= now["felt_lasts_s"]:
+    std = (
+        math.hypot(conditions["force_std_n"] * math.hypot(1.0, ratio), conditions["torque_std_nm"] / SPIN_ARM_M)
+        / normal
+    )
+    gx, gy = conditions["gravity_mps2"][0], conditions["gravity_mps2"][1]
+    if not abs(row["t_s"] - conditions["gravity_s"]) <= conditions["gravity_lasts_s"]:
         gx, gy = math.nan, math.nan
     force = contact["fx_n"], contact["fy_n"]
-    dropped = follow_load(drop, ring, row["t_s"], q, normal, *force, std, mu, gx, gy, now["turn_radps"])
+    dropped = follow_load(drop, ring, row["t_s"], q, normal, *force, std, mu, gx, gy, conditions["turn_radps"])
     if dropped:
         found["evidence"], found["drop_surprise"] = LOAD_DROP_BIT, drop["surprise"]
         if exact:
             found["peak_required"], found["plateau_required"] = drop["peak"], drop["plateau"]
-    if row["t_s"] < watch["moving_until_s"]:
-        found["evidence"] |= watch["moving_evidence"]
+    if row["t_s"] < memory["moving_until_s"]:
+        found["evidence"] |= memory["moving_evidence"]
         dropped = True
     found["slips"] = dropped
     return dropped
 
 
 @compiled_part
-def _find_tipping(row: Row, now: Row, watch: Row) -> int:
+def _find_tipping(row: Row, conditions: Row, memory: Row) -> int:
     """Fill in and return the step that the tipping margin asks for; a lower one is reached only after DWELL_S."""
-    contact, found, unknown_n, t_s = row["contact"], row["assessment"], now["force_n"], row["t_s"]
+    contact, found, unknown_n, t_s = row["contact"], row["assessment"], conditions["force_n"], row["t_s"]
     normal = contact["normal_n"]
     reach = math.hypot(contact["cx_m"], contact["cy_m"])
-    std = math.hypot(now["torque_std_nm"], reach * now["force_std_n"]) / normal
-    shift = (now["torque_nm"] + reach * unknown_n) / max(normal - unknown_n, 1e-9)
-    tipping, by_unknown = _tips(row["tipping_margin_m"], 2.0 * std, now["half_pitch_m"], shift)
-    held_s = watch["tipping_held_s"]
+    std = math.hypot(conditions["torque_std_nm"], reach * conditions["force_std_n"]) / normal
+    shift = (conditions["torque_nm"] + reach * unknown_n) / max(normal - unknown_n, 1e-9)
+    tipping, by_unknown = _tips(row["tipping_margin_m"], 2.0 * std, conditions["half_pitch_m"], shift)
+    held_s = memory["tipping_held_s"]
     if tipping == STABLE or not by_unknown:
         for reached in range(tipping):
             held_s[reached] = t_s
-        while tipping < watch["tipping_step"] and t_s - held_s[tipping] < DWELL_S:
+        while tipping < memory["tipping_step"] and t_s - held_s[tipping] < DWELL_S:
             tipping += 1
             by_unknown = False
-        watch["tipping_step"] = tipping
+        memory["tipping_step"] = tipping
     found["tipping_step"], found["tipping_by_unknown_load"] = tipping, by_unknown
     return tipping
 

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from slipd.fusion.compiled import compiled, compiled_part
-from slipd.fusion.rows import TOUCHING, UNTRUSTED, Rows
+from slipd.fusion.rows import TOUCHING, UNTRUSTED, Row, Rows
 from slipd.types.arrays import Array
 
 Z = 1.645
@@ -81,8 +81,7 @@ def learn(readings: Rows, rows: Rows, shape_error: float, teaches_from: int) -> 
         found, contact, phase = reading["assessment"], reading["contact"], reading["phase"]
         q = found["required_friction"]
         if phase == UNTRUSTED:
-            row["block_count"] = 0
-            row["before"][0] = math.nan
+            _forget_blocks(row)
             continue
         if phase != TOUCHING:
             if row["carried"] > 0.0 or row["taken"][0] > 0 or row["block_count"] > 0:
@@ -94,18 +93,22 @@ def learn(readings: Rows, rows: Rows, shape_error: float, teaches_from: int) -> 
         row["touched_s"] = reading["t_s"]
         if k < teaches_from or not 0.0 < q < math.inf:
             row["slipping"] = found["slips"]
-            row["block_count"] = 0
-            row["before"][0] = math.nan
+            _forget_blocks(row)
             continue
         noise = contact["friction_ratio_std"] / q
         shape = shape_error * max(1.0 - contact["friction_ratio"] / q, 0.0)
         if found["slips"]:
             _slide(rows, reading["t_s"], q, found["peak_required"], found["plateau_required"], noise, shape)
-            row["block_count"] = 0
-            row["before"][0] = math.nan
+            _forget_blocks(row)
         else:
             _carry(rows, reading["t_s"], q, noise, shape)
         row["slipping"] = found["slips"]
+
+
+@compiled_part
+def _forget_blocks(row: Row) -> None:
+    """Forget the open block and the one before it: the load between was not carried at rest, or is not known."""
+    row["block_count"], row["before"][0] = 0, math.nan
 
 
 @compiled_part
@@ -114,8 +117,7 @@ def _carry(rows: Rows, t_s: float, q: float, noise: float, shape: float) -> None
     row = rows[0]
     error, before = row["block_error"], row["before"]
     if not 0.0 <= t_s - row["block_last_s"] <= GAP_S:
-        row["block_count"] = 0
-        before[0] = math.nan
+        _forget_blocks(row)
     if row["block_count"] == 0:
         row["block_since_s"], row["block_sum"], row["block_squares"] = t_s, 0.0, 0.0
         error[0], error[1] = 0.0, 0.0
@@ -289,8 +291,8 @@ def begin_grasp(rows: Rows) -> None:
     """Start anew from what is stated and what is known of the object."""
     row = rows[0]
     row["carried"], row["floor"] = 0.0, row["object_floor"] * math.exp(-Z * WIDENING)
-    row["block_count"], row["slipping"], row["onset"] = 0, False, 0
-    row["before"][0] = math.nan
+    row["slipping"], row["onset"] = False, 0
+    _forget_blocks(row)
     samples = row["taken"]
     samples[0], samples[1] = 0, 0
     combine(rows)

@@ -1,9 +1,11 @@
-"""What motions of the arm a grip holds: half-spaces in what the object feels, one for each way it could begin to slip.
+"""Which motions of the arm a grip holds: half-spaces of the apparent gravity, one for each way to begin to slip.
 
 A pad holds while, for every twist q that could begin on it, the power of its load stays below that of friction:
 ℓ·q ≤ μ F D(q) with D(q) = Σ w_i |v + ω × r_i| for the shares w_i of its normal force F (the convex form of
-`slipd.fusion.limit_surface`). A change of what the object feels changes ℓ and F linearly. So each twist, and each edge
-over which the contact could tip, is a half-space, and what holds is convex: the nearest one limits the acceleration.
+`slipd.fusion.limit_surface`). A change of the apparent gravity γ (gravity minus acceleration) at the centre of mass
+changes ℓ and F linearly. So each twist, and each edge over which the contact could tip, is a half-space in γ, and the
+motions that hold are a convex set: the nearest half-space limits the acceleration.
+
 A moment that tips the object moves the pressure, and so the place of friction, and gathers it near an edge: both add to
 the spin.
 
@@ -33,15 +35,15 @@ LEAST_LEVER = 0.02
 not below this."""
 LEAST_ROOM_M = 1e-9
 """Room of an edge that the centroid has reached, so that quotients stay finite."""
-MOST = 1e9
-"""Stands for what nothing holds, so that comparisons and sums stay finite."""
+UNBOUNDED = 1e9
+"""Stands for infinity, for a load that no grip holds, so that comparisons and sums stay finite."""
 ROUNDING = 1.0 + 1e-9
 """Factor on a bound, so that rounding does not bring it below what it bounds."""
 Triple = tuple[float, float, float]
 
 
 class HeldPad(NamedTuple):
-    """One pad, its load, and how a change of what the object feels adds to it. Vectors are in the pad frame.
+    """One pad, its load, and how a change of the apparent gravity adds to it. Vectors are in the pad frame.
 
     Attributes:
         turn: Turns vectors of the gripper frame into the pad frame, shape (3, 3).
@@ -163,7 +165,7 @@ def turned(turn: Array, x: float, y: float, z: float) -> tuple[float, float, flo
     )
 
 
-class Moved(NamedTuple):
+class MovedLoad(NamedTuple):
     """The load of a pad in a motion. Vectors are in the pad frame.
 
     Attributes:
@@ -173,7 +175,7 @@ class Moved(NamedTuple):
         begun: The contact has begun to tip already now.
         load: Tangential force (2) and spin about the contact centroid, N and N·m, by the mean of mass and shares.
         more: What a kg more adds to it.
-        pull: Tangential part of the specific force, shape (2,), m/s².
+        pull: Tangential part of the change of the apparent gravity, shape (2,), m/s².
         wide_kg: How far the mass may be off.
         apart_kg: How far the share of the tangential force may be off, times the mass.
         unsure_nm: How far the spin may be off for other reasons.
@@ -192,15 +194,16 @@ class Moved(NamedTuple):
 
 
 @compiled_part
-def moved_load(pad: HeldPad, felt: Triple, couple: Triple) -> Moved:
+def moved_load(pad: HeldPad, change: Triple, couple: Triple) -> MovedLoad:
     """Return the load of a pad in a motion.
 
     Args:
         pad: The pad.
-        felt: Change of the specific force at the centre of mass from that of the load, in the gripper frame, m/s².
-        couple: Moment of inertia of a kg about the centre of mass times −α, in the gripper frame, m²/s².
+        change: Change of the apparent gravity at the centre of mass from that of the load, in the gripper frame, m/s².
+        couple: Torque of inertia of 1 kg about the centre of mass, −k² α with the radius of gyration k, in the gripper
+            frame, m²/s².
     """
-    px, py, pz = turned(pad.turn, felt[0], felt[1], felt[2])
+    px, py, pz = turned(pad.turn, change[0], change[1], change[2])
     kx, ky, kz = turned(pad.turn, couple[0], couple[1], couple[2])
     lx, ly, lz = pad.lever[0], pad.lever[1], pad.lever[2]
     ex, ey, ez = pad.lever_error[0], pad.lever_error[1], pad.lever_error[2]
@@ -224,18 +227,18 @@ def moved_load(pad: HeldPad, felt: Triple, couple: Triple) -> Moved:
     unsure = most * (widely * abs(spin) + pad.spin_shares[1] * (ex * abs(py) + ey * abs(px)))
     unsure = turns * (unsure + (dy * abs(fy) + dx * abs(fx)) / firm)
     more = (sx, sy, turns * part * spin)
-    return Moved(normal, tipped, over, gone >= 1.0, (fx, fy, fm), more, (px, py), wide, apart, unsure)
+    return MovedLoad(normal, tipped, over, gone >= 1.0, (fx, fy, fm), more, (px, py), wide, apart, unsure)
 
 
 @compiled_sum_part
-def use_of(pad: HeldPad, moved: Moved, safety: float, each: Array) -> tuple[float, float, bool]:
-    """Find how much of what a pad holds a load uses, with the worst of what is not known.
+def moved_utilisation(pad: HeldPad, moved: MovedLoad, safety: float, work: Array) -> tuple[float, float, bool]:
+    """Find the utilisation of a pad by a load, with the worst of what is not known.
 
     Args:
         pad: The pad.
         moved: The load.
         safety: Factor on the load; of tipping on its change.
-        each: Working memory, of the length of `twists` or longer.
+        work: Working memory, of the length of `twists` or longer.
 
     Returns:
         The utilisation; the normal force that would hold the load with the safety, N; and whether tipping asks for it.
@@ -246,23 +249,25 @@ def use_of(pad: HeldPad, moved: Moved, safety: float, each: Array) -> tuple[floa
     for k in range(count):
         qx, qy, qw = twists[0, k], twists[1, k], twists[2, k]
         power = abs(qx * fx + qy * fy + qw * fm) + moved.wide_kg * abs(qx * sx + qy * sy + qw * sm)
-        each[k] = power + moved.apart_kg * abs(qx * px + qy * py) + moved.unsure_nm * abs(qw) + twists[3, k]
-    worst = largest(each, count)
-    used = max(worst / moved.normal, moved.over) if moved.normal > 0.0 else MOST
-    needed = 2.0 * MOST if moved.begun else min(safety * max(worst, moved.tipped), MOST)
-    return min(used, MOST), needed, moved.begun or moved.tipped > worst
+        work[k] = power + moved.apart_kg * abs(qx * px + qy * py) + moved.unsure_nm * abs(qw) + twists[3, k]
+    worst = largest(work, count)
+    used = max(worst / moved.normal, moved.over) if moved.normal > 0.0 else UNBOUNDED
+    needed = 2.0 * UNBOUNDED if moved.begun else min(safety * max(worst, moved.tipped), UNBOUNDED)
+    return min(used, UNBOUNDED), needed, moved.begun or moved.tipped > worst
 
 
 @compiled
-def pad_use(pad: HeldPad, felt: Triple, couple: Triple, safety: float, each: Array) -> tuple[float, float, float, bool]:
-    """Return the result of `use_of` for a motion as in `moved_load`, and before its last value the normal force, N."""
-    moved = moved_load(pad, felt, couple)
-    used, needed, tips = use_of(pad, moved, safety, each)
+def pad_utilisation(
+    pad: HeldPad, change: Triple, couple: Triple, safety: float, work: Array
+) -> tuple[float, float, float, bool]:
+    """Return what `moved_utilisation` does for a motion as in `moved_load`, and as third value the normal force, N."""
+    moved = moved_load(pad, change, couple)
+    used, needed, tips = moved_utilisation(pad, moved, safety, work)
     return used, needed, moved.normal, tips
 
 
 @compiled_part
-def largest_twists(pad: HeldPad) -> Triple:
+def twist_bounds(pad: HeldPad) -> Triple:
     """Return the half axes, slide and spin, of an ellipsoid that contains the twists of a pad, and the most noise."""
     twists, slide, spin, noise, wide = pad.twists, 0.0, 0.0, 0.0, 0.0
     for k in range(twists.shape[1]):
@@ -274,8 +279,8 @@ def largest_twists(pad: HeldPad) -> Triple:
 
 
 @compiled_part
-def most_worst(moved: Moved, twists: Triple) -> float:
-    """Return a bound of the normal force that friction needs under a load, from the result of `largest_twists`, N.
+def needed_bound(moved: MovedLoad, twists: Triple) -> float:
+    """Return a bound of the normal force that friction needs under a load, from the result of `twist_bounds`, N.
 
     The power of a twist against a load is at most the product of both lengths, in units in which every twist of the
     pad is at most 1 long.

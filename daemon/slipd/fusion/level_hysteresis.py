@@ -25,7 +25,7 @@ LARGE = 2.0
 
 
 @compiled_part
-def settle(row: Row, now: Row, watch: Row, used: float, measured: float, exact: bool) -> float:
+def settle(row: Row, conditions: Row, memory: Row, used: float, measured: float, exact: bool) -> float:
     """Return the utilisation that counts: that of the reading, or of a mean where the noise is large.
 
     The mean moves towards each reading by (SURE / σ)², so that its own deviation stays below SURE. What exceeds CERTAIN
@@ -33,8 +33,8 @@ def settle(row: Row, now: Row, watch: Row, used: float, measured: float, exact: 
 
     Args:
         row: The reading, with its contact and utilisation.
-        now: Conditions in force.
-        watch: Its ``settled`` is updated.
+        conditions: Conditions in force.
+        memory: Its ``settled`` is updated.
         used: Utilisation of the reading, with what the unknown load may add.
         measured: Without that.
         exact: It is that of force and spin together.
@@ -43,39 +43,39 @@ def settle(row: Row, now: Row, watch: Row, used: float, measured: float, exact: 
     if exact:
         vx, vy, omega = row["utilisation"]["twist"]
         force, about = (contact["fx_n"], contact["fy_n"]), (contact["cx_m"], contact["cy_m"])
-        stds = now["force_std_n"], now["torque_std_nm"]
+        stds = conditions["force_std_n"], conditions["torque_std_nm"]
         noise = relative_noise(force, contact["spin_nm"], about, (vx, vy, omega), stds[0], stds[1])
     else:
-        ratio, force_std = contact["friction_ratio"], now["force_std_n"]
+        ratio, force_std = contact["friction_ratio"], conditions["force_std_n"]
         noise = force_std * math.hypot(1.0, ratio) / (contact["normal_n"] * ratio) if ratio > 0.0 else 0.0
     std = min(measured, LARGE) * noise
-    before = watch["settled"]
-    watch["settled"] = min(used, LARGE)
+    before = memory["settled"]
+    memory["settled"] = min(used, LARGE)
     if not std > SURE:
         return used
-    watch["settled"] = before + (min(used, LARGE) - before) * (SURE / std) ** 2
-    return max(float(watch["settled"]), min(used, LARGE) - CERTAIN * std)
+    memory["settled"] = before + (min(used, LARGE) - before) * (SURE / std) ** 2
+    return max(float(memory["settled"]), min(used, LARGE) - CERTAIN * std)
 
 
 @compiled_part
-def held_step(used: float, now: Row, watch: Row, warning: float, width: float, t_s: float) -> int:
+def held_step(used: float, conditions: Row, memory: Row, warning: float, width: float, t_s: float) -> int:
     """Return the step of a utilisation; a higher one is reached at once, a lower one only after DWELL_S.
 
     Args:
         used: Utilisation; infinity exceeds every threshold.
-        now: Conditions in force.
-        watch: Its ``step`` and ``held_s`` are updated.
+        conditions: Conditions in force.
+        memory: Its ``step`` and ``held_s`` are updated.
         warning: Where WARNING begins now; it ends ``width`` below the configured threshold.
         width: Hysteresis.
         t_s: Now, s.
     """
-    held_s = watch["held_s"]
-    if used >= now["caution"] - width:
+    held_s = memory["held_s"]
+    if used >= conditions["caution"] - width:
         held_s[0] = t_s
-    if used >= now["warning"] - width:
+    if used >= conditions["warning"] - width:
         held_s[1] = t_s
-    reached = int(used >= now["caution"]) + int(used >= warning)
-    while reached < watch["step"] and t_s - held_s[reached] < DWELL_S:
+    reached = int(used >= conditions["caution"]) + int(used >= warning)
+    while reached < memory["step"] and t_s - held_s[reached] < DWELL_S:
         reached += 1
-    watch["step"] = reached
+    memory["step"] = reached
     return reached

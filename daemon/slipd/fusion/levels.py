@@ -14,13 +14,13 @@ import numpy as np
 
 from slipd.fusion.load_blocks import BLOCK_S, RING
 from slipd.fusion.load_drop import LOOKS
-from slipd.fusion.rows import BLOCK, CONDITIONS, DROP, FORCES, STABLE, WATCH, new_rows
+from slipd.fusion.rows import BLOCK, CONDITIONS, DROP, FORCES, MEMORY, STABLE, new_rows
 
 CONTACT_HYSTERESIS = 0.8
 """A contact lasts down to this share of the normal force at which it begins."""
 
-STATE = np.dtype(
-    [("conditions", CONDITIONS), ("memory", WATCH), ("drop", DROP), ("ring", BLOCK, (RING,)), ("forces", FORCES)],
+CONTACT_STATE = np.dtype(
+    [("conditions", CONDITIONS), ("memory", MEMORY), ("drop", DROP), ("ring", BLOCK, (RING,)), ("forces", FORCES)],
     align=True,
 )
 """All that the kernels know of one contact: what is in force for its readings, and what they keep from read to read."""
@@ -56,7 +56,7 @@ class LevelSettings(Protocol):
     false_alarms_per_hour: float
 
 
-class Uncertainty(NamedTuple):
+class WrenchUncertainty(NamedTuple):
     """How far a reading may be off: noise, and what an unknown load may add.
 
     Attributes:
@@ -102,8 +102,8 @@ class Assessment(NamedTuple):
     drop_surprise: float
 
 
-class ContactWatch:
-    """The conditions in force for one contact, and what is kept of it from read to read.
+class ContactState:
+    """What the kernels know of one contact: the conditions in force, and what they keep from read to read.
 
     Args:
         levels: Thresholds of the utilisation.
@@ -112,18 +112,18 @@ class ContactWatch:
         begins_n: Normal force at which a contact begins, N.
 
     Attributes:
-        state: Both: one row of STATE.
+        row: One row of CONTACT_STATE, shape (1,).
     """
 
     def __init__(self, levels: LevelSettings, slip: SlipSettings, half_pitch_m: float, begins_n: float) -> None:
-        self.state = new_rows(STATE, 1)
-        now, drop, forces = self.state["conditions"], self.state["drop"], self.state["forces"]
+        self.row = new_rows(CONTACT_STATE, 1)
+        conditions, drop, forces = self.row["conditions"], self.row["drop"], self.row["forces"]
         for name in ("caution", "warning", "hysteresis"):
-            now[name] = getattr(levels, name)
-        now["matrix"], now["zero_known"], now["spin_scale"] = np.eye(6), True, 1.0
-        now["pulled_n"], now["mu"], now["half_pitch_m"] = math.inf, math.nan, half_pitch_m
-        now["felt_s"] = -math.inf
-        now["begins_n"], now["lasts_n"] = begins_n, CONTACT_HYSTERESIS * begins_n
+            conditions[name] = getattr(levels, name)
+        conditions["matrix"], conditions["zero_known"], conditions["spin_scale"] = np.eye(6), True, 1.0
+        conditions["pulled_n"], conditions["mu"], conditions["half_pitch_m"] = math.inf, math.nan, half_pitch_m
+        conditions["gravity_s"] = -math.inf
+        conditions["begins_n"], conditions["lasts_n"] = begins_n, CONTACT_HYSTERESIS * begins_n
         drop["least_drop"], drop["window_s"], drop["hold_s"] = slip.drop, slip.window_s, slip.hold_s
         forces["low_n"], forces["high_n"] = math.inf, -math.inf
         drop["least_surprise"] = math.log(LOOKS * 3600.0 / BLOCK_S / levels.false_alarms_per_hour)
@@ -132,14 +132,14 @@ class ContactWatch:
 
     def reset(self) -> None:
         """Forget everything: the contact ended."""
-        memory = self.state["memory"]
+        memory = self.row["memory"]
         memory["in_contact"], memory["twist"], memory["settled"] = False, math.nan, 0.0
         memory["step"], memory["tipping_step"], memory["moving_until_s"] = STABLE, STABLE, -math.inf
         self.forget_load()
 
     def forget_load(self) -> None:
         """Forget the course of the load: what was before the next reading shows no fall."""
-        drop = self.state["drop"]
+        drop = self.row["drop"]
         drop["last_s"], drop["sliding"] = -math.inf, False
 
     def note_motion(self, until_s: float, evidence: int) -> None:
@@ -149,25 +149,25 @@ class ContactWatch:
             until_s: Time of the readings until which the object is taken to move, s.
             evidence: Its kinds: bits of `slipd.motion.evidence.EVIDENCE`.
         """
-        memory = self.state["memory"]
+        memory = self.row["memory"]
         memory["moving_until_s"], memory["moving_evidence"] = until_s, evidence
 
     def set_friction(self, mu: float, spin_scale: float = 1.0) -> None:
         """Put a coefficient of static friction in force, NaN if unknown; and how much more of it a spin uses."""
-        now = self.state["conditions"]
-        if mu != now["mu"][0]:
+        conditions = self.row["conditions"]
+        if mu != conditions["mu"][0]:
             self._forget_steps()
-        now["mu"], now["spin_scale"] = mu, spin_scale
+        conditions["mu"], conditions["spin_scale"] = mu, spin_scale
 
-    def set_uncertainty(self, uncertainty: Uncertainty) -> None:
+    def set_uncertainty(self, uncertainty: WrenchUncertainty) -> None:
         """Put the uncertainty of the readings in force."""
-        now = self.state["conditions"]
-        if uncertainty.force_n < now["force_n"][0]:
+        conditions = self.row["conditions"]
+        if uncertainty.force_n < conditions["force_n"][0]:
             self._forget_steps()
-        for name, value in zip(Uncertainty._fields, uncertainty, strict=True):
-            now[name] = value
+        for name, value in zip(WrenchUncertainty._fields, uncertainty, strict=True):
+            conditions[name] = value
 
     def _forget_steps(self) -> None:
         """Hold no step that was not reached by the load."""
-        memory = self.state["memory"]
+        memory = self.row["memory"]
         memory["held_s"], memory["tipping_held_s"] = -math.inf, -math.inf

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from slipd.fusion.compiled import compiled
-from slipd.fusion.held_pad import MOST, HeldPad, turned
+from slipd.fusion.held_pad import UNBOUNDED, HeldPad, turned
 from slipd.types.arrays import Array
 
 
@@ -15,8 +15,8 @@ def nearest_limit(pad: HeldPad, rest: Array, safety: float, wanted: float, direc
 
     Args:
         pad: The pad.
-        rest: Change of what the object feels without the acceleration, as in `held_ratio`.
-        safety: As in `pad_use`.
+        rest: Change of apparent gravity and couple without the acceleration, as in `force_ratio`.
+        safety: As in `pad_utilisation`.
         wanted: Acceleration that should hold in every direction, m/s².
         direction: Filled with the worst direction, in the gripper frame, shape (3,).
 
@@ -29,7 +29,7 @@ def nearest_limit(pad: HeldPad, rest: Array, safety: float, wanted: float, direc
     lx, ly, lz = pad.lever[0], pad.lever[1], pad.lever[2]
     ex, ey, ez = pad.lever_error[0], pad.lever_error[1], pad.lever_error[2]
     mass, fx, fy, m = pad.mass[1], pad.load[0], pad.load[1], pad.load[2] * pad.spin_scale
-    best, lack, wx, wy, wz = MOST, -pad.normal, 1.0, 0.0, 0.0
+    best, lack, wx, wy, wz = UNBOUNDED, -pad.normal, 1.0, 0.0, 0.0
     for k in range(pad.twists.shape[1]):
         noise = pad.twists[3, k]
         for corner in range(8):
@@ -57,36 +57,36 @@ def nearest_limit(pad: HeldPad, rest: Array, safety: float, wanted: float, direc
         hz += math.copysign(half * (abs(ux) * ex + abs(uy) * ey), hz)
         size = mass * math.sqrt(hx * hx + hy * hy + hz * hz)
         spare = room * pad.normal - mass * (hx * px + hy * py + hz * pz + half * (ux * ky - uy * kx))
-        lack = max(lack, size * wanted - spare) if room > 0.0 else MOST
+        lack = max(lack, size * wanted - spare) if room > 0.0 else UNBOUNDED
         if spare < best * size:
             best, wx, wy, wz = spare / size, hx, hy, hz
     length = math.sqrt(wx * wx + wy * wy + wz * wz)
     for j in range(3):
         direction[j] = -(pad.turn[0, j] * wx + pad.turn[1, j] * wy + pad.turn[2, j] * wz) / length
-    return max(best, 0.0), min(lack, MOST)
+    return max(best, 0.0), min(lack, UNBOUNDED)
 
 
 @compiled
-def worst_turn(pad: HeldPad, felt: Array, gravity: float, out: Array) -> float:
+def worst_turn(pad: HeldPad, gravity_now: Array, gravity_mps2: float, out: Array) -> float:
     """Find the orientation at rest in which a pad's utilisation is largest.
 
     Args:
         pad: The pad.
-        felt: Specific force at the centre of mass of the load now, in the gripper frame, shape (3,), m/s².
-        gravity: Length of gravity, m/s².
+        gravity_now: Apparent gravity at the centre of mass under the load now, in the gripper frame, shape (3,), m/s².
+        gravity_mps2: Length of gravity, m/s².
         out: Filled with gravity in that orientation, in the gripper frame, shape (3,), m/s².
 
     Returns:
-        About the utilisation; `pad_use` has it with the worst of what is not known.
+        About the utilisation; `pad_utilisation` has it with the worst of what is not known.
 
     The utilisation is a ratio of two linear functions for each half-space, so Dinkelbach's method finds its largest
     value; two steps suffice, because the normal force changes little.
     """
-    gx, gy, gz = turned(pad.turn, felt[0], felt[1], felt[2])
+    gx, gy, gz = turned(pad.turn, gravity_now[0], gravity_now[1], gravity_now[2])
     lx, ly, lz = pad.lever[0], pad.lever[1], pad.lever[2]
     mass, fx, fy, m = pad.mass[1], pad.load[0], pad.load[1], pad.load[2] * pad.spin_scale
     twists, edges = pad.twists.shape[1], pad.edges.shape[1]
-    best, bx, by, bz = -MOST, 1.0, 0.0, 0.0
+    best, bx, by, bz = -UNBOUNDED, 1.0, 0.0, 0.0
     for k in range(twists + edges):
         for corner in range(8 if k < twists else 1):
             if k < twists:
@@ -104,11 +104,11 @@ def worst_turn(pad: HeldPad, felt: Array, gravity: float, out: Array) -> float:
             used = 0.0
             for _ in range(2):
                 lift = hz + 0.5 * used
-                size = gravity / max(math.sqrt(hx * hx + hy * hy + lift * lift), 1e-12)
+                size = gravity_mps2 / max(math.sqrt(hx * hx + hy * hy + lift * lift), 1e-12)
                 vx, vy, vz = size * hx, size * hy, size * lift
                 normal = pad.normal - 0.5 * mass * (vz - gz)
                 load = fixed + mass * (hx * (vx - gx) + hy * (vy - gy) + hz * (vz - gz))
-                used = load / normal if normal > 0.0 else MOST
+                used = load / normal if normal > 0.0 else UNBOUNDED
             if used + offset > best:
                 best, bx, by, bz = used + offset, vx, vy, vz
     for j in range(3):

@@ -7,15 +7,15 @@ from typing import NamedTuple
 
 from slipd.fusion.compiled import compiled, compiled_part
 from slipd.fusion.held_pad import (
-    MOST,
+    UNBOUNDED,
     HeldPad,
-    Moved,
+    MovedLoad,
     Triple,
-    largest_twists,
-    most_worst,
     moved_load,
-    pad_use,
-    use_of,
+    moved_utilisation,
+    needed_bound,
+    pad_utilisation,
+    twist_bounds,
 )
 from slipd.types.arrays import Array
 
@@ -26,55 +26,55 @@ more than these the time scale is 0."""
 
 
 @compiled
-def held_ratio(
-    first: HeldPad, second: HeldPad, rest: Array, swing: Array, scale: float, safety: float, each: Array
+def force_ratio(
+    first: HeldPad, second: HeldPad, rest: Array, motion: Array, scale: float, safety: float, work: Array
 ) -> float:
     """Return the largest ratio of the normal force that would hold a motion to that of a pad then: it holds up to 1.
 
     Args:
         first: A pad.
         second: The other one.
-        rest: Change of the specific force (3) and couple (3) at scale 0, shape (6,).
-        swing: Their change from scale 0 to 1, shape (6,).
-        scale: Factor on ``swing``.
-        safety: As in `pad_use`.
-        each: As in `pad_use`.
+        rest: Change of the apparent gravity (3) and couple (3) of `moved_load` at scale 0, shape (6,).
+        motion: Their change from scale 0 to 1, shape (6,).
+        scale: Factor on ``motion``.
+        safety: As in `pad_utilisation`.
+        work: As in `pad_utilisation`.
     """
-    felt, couple = _changed(rest, swing, scale)
+    change, couple = _changed(rest, motion, scale)
     worst = 0.0
     for needed, normal in (
-        pad_use(first, felt, couple, safety, each)[1:3],
-        pad_use(second, felt, couple, safety, each)[1:3],
+        pad_utilisation(first, change, couple, safety, work)[1:3],
+        pad_utilisation(second, change, couple, safety, work)[1:3],
     ):
-        worst = max(worst, needed / normal if normal > 0.0 else MOST)
+        worst = max(worst, needed / normal if normal > 0.0 else UNBOUNDED)
     return worst
 
 
 @compiled_part
-def _changed(rest: Array, swing: Array, scale: float) -> tuple[Triple, Triple]:
+def _changed(rest: Array, motion: Array, scale: float) -> tuple[Triple, Triple]:
     return (
-        (rest[0] + scale * swing[0], rest[1] + scale * swing[1], rest[2] + scale * swing[2]),
-        (rest[3] + scale * swing[3], rest[4] + scale * swing[4], rest[5] + scale * swing[5]),
+        (rest[0] + scale * motion[0], rest[1] + scale * motion[1], rest[2] + scale * motion[2]),
+        (rest[3] + scale * motion[3], rest[4] + scale * motion[4], rest[5] + scale * motion[5]),
     )
 
 
 @compiled
 def largest_scale(
-    first: HeldPad, second: HeldPad, rest: Array, swing: Array, safety: float, most: float, each: Array
+    first: HeldPad, second: HeldPad, rest: Array, motion: Array, safety: float, most: float, work: Array
 ) -> float:
-    """Return the largest factor on ``swing``, at most ``most``, with which rest + factor · swing holds; 0: none.
+    """Return the largest factor on ``motion``, at most ``most``, with which rest + factor · motion holds; 0: none.
 
     What holds is convex: the factors that hold are an interval from 0, so that halving finds its end, from below. Steps
     beside the chord are faster, because the ratio is nearly linear.
 
     Args:
-        first: As in `held_ratio`.
+        first: As in `force_ratio`.
         second: Likewise.
         rest: Likewise.
-        swing: Likewise.
-        safety: As in `pad_use`.
+        motion: Likewise.
+        safety: As in `pad_utilisation`.
         most: Upper end of the search.
-        each: As in `pad_use`.
+        work: As in `pad_utilisation`.
     """
     low, high, at_low, at_high = 0.0, most, 0.0, 0.0
     for step in range(SCALE_STEPS):
@@ -87,7 +87,7 @@ def largest_scale(
         else:
             at = low + (high - low) * (1.0 - at_low) / (at_high - at_low)
             at += 0.05 * (high - at) if step % 3 == 0 else -0.05 * (at - low)
-        held = held_ratio(first, second, rest, swing, at, safety, each)
+        held = force_ratio(first, second, rest, motion, at, safety, work)
         if held <= 1.0:
             if step == 0:
                 return most
@@ -103,11 +103,11 @@ def largest_scale(
 
 @compiled
 def largest_scales(
-    first: HeldPad, second: HeldPad, rest: Array, swings: Array, safety: float, most: float, each: Array, out: Array
+    first: HeldPad, second: HeldPad, rest: Array, motions: Array, safety: float, most: float, work: Array, out: Array
 ) -> None:
-    """Find the result of `largest_scale` for several swings, shape (n, 6); fills ``out``, shape (n,)."""
+    """Find the result of `largest_scale` for several motions, shape (n, 6); fills ``out``, shape (n,)."""
     for k in range(out.size):
-        out[k] = largest_scale(first, second, rest, swings[k], safety, most, each)
+        out[k] = largest_scale(first, second, rest, motions[k], safety, most, work)
 
 
 class Worst(NamedTuple):
@@ -119,7 +119,7 @@ class Worst(NamedTuple):
         side: Its pad, 0 or 1.
         tips: That pad tips first.
         lack_n: Normal force that the pads lack, negative where they have more.
-        ratio: As of `held_ratio`, without a bound.
+        ratio: As of `force_ratio`, without a bound.
         tightest: The point of this ratio.
     """
 
@@ -134,48 +134,48 @@ class Worst(NamedTuple):
 
 @compiled
 def check_points(
-    first: HeldPad, second: HeldPad, rest: Array, swing: Array, safety: float, each: Array
+    first: HeldPad, second: HeldPad, rest: Array, motion: Array, safety: float, work: Array
 ) -> tuple[float, int, int, bool, float, float]:
     """Find what a motion uses at most, and how far it must be slowed down.
 
     Args:
         first: A pad.
         second: The other one.
-        rest: As in `held_ratio`, for each point, shape (n, 6).
-        swing: Likewise, shape (n, 6); the motion is the sum of both.
-        safety: As in `pad_use`.
-        each: As in `pad_use`.
+        rest: As in `force_ratio`, for each point, shape (n, 6).
+        motion: Likewise, shape (n, 6); at full speed, both add up.
+        safety: As in `pad_utilisation`.
+        work: As in `pad_utilisation`.
 
     Returns:
         The largest utilisation; its point, its pad (0 or 1), and whether that tips; the normal force that the pads
-        lack, N, negative where they have more; the largest factor on ``swing``, at most 1, with which all points hold.
+        lack, N, negative where they have more; the largest factor on ``motion``, at most 1, with which all points hold.
     """
-    worst, bounds = Worst(-1.0, 0, 0, False, -MOST, 0.0, 0), (largest_twists(first), largest_twists(second))
+    worst, bounds = Worst(-1.0, 0, 0, False, -UNBOUNDED, 0.0, 0), (twist_bounds(first), twist_bounds(second))
     for k in range(rest.shape[0]):
-        felt, couple = _changed(rest[k], swing[k], 1.0)
-        worst = _worse(worst, k, 0, first, moved_load(first, felt, couple), bounds[0], safety, each)
-        worst = _worse(worst, k, 1, second, moved_load(second, felt, couple), bounds[1], safety, each)
+        change, couple = _changed(rest[k], motion[k], 1.0)
+        worst = _worst_with(worst, k, 0, first, moved_load(first, change, couple), bounds[0], safety, work)
+        worst = _worst_with(worst, k, 1, second, moved_load(second, change, couple), bounds[1], safety, work)
     scale = 1.0
     if worst.ratio > 1.0:
         at = worst.tightest
-        scale = largest_scale(first, second, rest[at], swing[at], safety, 1.0, each)
-        scale = _scale_of_all(first, second, rest, swing, safety, scale, bounds, each)
-    return worst.used, worst.point, worst.side, worst.tips, min(worst.lack_n, MOST), scale
+        scale = largest_scale(first, second, rest[at], motion[at], safety, 1.0, work)
+        scale = _scale_of_all(first, second, rest, motion, safety, scale, bounds, work)
+    return worst.used, worst.point, worst.side, worst.tips, min(worst.lack_n, UNBOUNDED), scale
 
 
 @compiled_part
-def _worse(
-    worst: Worst, point: int, side: int, pad: HeldPad, moved: Moved, largest: Triple, safety: float, each: Array
+def _worst_with(
+    worst: Worst, point: int, side: int, pad: HeldPad, moved: MovedLoad, largest: Triple, safety: float, work: Array
 ) -> Worst:
     """Return the worst so far, with another pad at another point; a load that cannot be it is not solved."""
-    normal, most = moved.normal, most_worst(moved, largest)
+    normal, most = moved.normal, needed_bound(moved, largest)
     most_needed = safety * max(most, moved.tipped)
     if not moved.begun and normal > 0.0:
         less = max(most / normal, moved.over) <= worst.used
         if less and most_needed - normal <= worst.lack_n and most_needed <= worst.ratio * normal:
             return worst
-    used, needed, tips = use_of(pad, moved, safety, each)
-    ratio = needed / normal if normal > 0.0 else MOST
+    used, needed, tips = moved_utilisation(pad, moved, safety, work)
+    ratio = needed / normal if normal > 0.0 else UNBOUNDED
     lack_n, at = max(worst.lack_n, needed - normal), point if ratio > worst.ratio else worst.tightest
     if used > worst.used:
         return Worst(used, point, side, tips, lack_n, max(ratio, worst.ratio), at)
@@ -184,30 +184,30 @@ def _worse(
 
 @compiled_part
 def _scale_of_all(
-    first: HeldPad, second: HeldPad, rest: Array, swing: Array, safety: float, scale: float,
-    bounds: tuple[Triple, Triple], each: Array,
+    first: HeldPad, second: HeldPad, rest: Array, motion: Array, safety: float, scale: float,
+    bounds: tuple[Triple, Triple], work: Array,
 ) -> float:  # fmt: skip
-    """Return the largest factor on ``swing`` with which all points hold, where that of one point is ``scale``."""
+    """Return the largest factor on ``motion`` with which all points hold, where that of one point is ``scale``."""
     count, held = rest.shape[0], 0
     for step in range(SCALE_PASSES * count):
         if scale == 0.0 or held == count:
             return scale
         k = step % count
-        felt, couple = _changed(rest[k], swing[k], scale)
-        if _holds(first, moved_load(first, felt, couple), bounds[0], safety, each) and _holds(
-            second, moved_load(second, felt, couple), bounds[1], safety, each
+        change, couple = _changed(rest[k], motion[k], scale)
+        if _holds(first, moved_load(first, change, couple), bounds[0], safety, work) and _holds(
+            second, moved_load(second, change, couple), bounds[1], safety, work
         ):
             held += 1
         else:
-            scale, held = largest_scale(first, second, rest[k], swing[k], safety, scale, each), 1
+            scale, held = largest_scale(first, second, rest[k], motion[k], safety, scale, work), 1
     return scale if held == count else 0.0
 
 
 @compiled_part
-def _holds(pad: HeldPad, moved: Moved, largest: Triple, safety: float, each: Array) -> bool:
+def _holds(pad: HeldPad, moved: MovedLoad, largest: Triple, safety: float, work: Array) -> bool:
     """Return whether a pad holds a load; where it must hold it, without solving it."""
-    surely = not moved.begun and safety * max(most_worst(moved, largest), moved.tipped) <= moved.normal
-    return surely or use_of(pad, moved, safety, each)[1] <= moved.normal
+    surely = not moved.begun and safety * max(needed_bound(moved, largest), moved.tipped) <= moved.normal
+    return surely or moved_utilisation(pad, moved, safety, work)[1] <= moved.normal
 
 
 @compiled
@@ -215,7 +215,7 @@ def follow_gravity(points: Array, begin: Array, out: Array) -> None:
     """Follow gravity through a motion, as the gripper sees it.
 
     Args:
-        points: Rows of time, s, specific force (3), and angular velocity (3), rad/s, shape (n, 7) or wider.
+        points: Rows of time, s, apparent gravity (3), and angular velocity (3), rad/s, shape (n, 7) or wider.
         begin: Gravity at the first point, shape (3,).
         out: Filled with gravity at each, shape (n, 3).
 

@@ -40,7 +40,7 @@ def mean_wrench(states: Rows, since_ns: int, until_ns: int) -> tuple[float, floa
     If no reading is kept of that interval, this is the wrench of the reading nearest to its end.
 
     Args:
-        states: One row of STATE.
+        states: One row of CONTACT_STATE.
         since_ns: CLOCK_MONOTONIC; a reading of this time does not count.
         until_ns: Likewise; a reading of this time counts.
 

@@ -106,8 +106,8 @@ CONDITIONS = np.dtype(
         *_floats("begins_n", "lasts_n", "pulled_n", "force_std_n", "torque_std_nm", "force_n", "torque_nm"),
         ("zero_known", _FLAG),
         *_floats("mu", "spin_scale", "half_pitch_m", "caution", "warning", "hysteresis"),
-        ("felt_mps2", _FLOAT, (2,)),
-        *_floats("turn_radps", "felt_s", "felt_lasts_s"),
+        ("gravity_mps2", _FLOAT, (2,)),
+        *_floats("turn_radps", "gravity_s", "gravity_lasts_s"),
     ],
     align=True,
 )
@@ -118,11 +118,11 @@ A contact begins at the normal force ``begins_n`` and lasts down to ``lasts_n``;
 ``force_std_n`` and ``torque_std_nm`` are the noise of a component, ``force_n`` and ``torque_nm`` what the unknown
 weight of the finger may add. Without ``zero_known`` no reading shows a contact, or the want of one. ``mu``: NaN if
 unknown; ``spin_scale``: how many times as much friction a spin uses. ``caution``, ``warning`` and ``hysteresis`` are
-thresholds of the level. ``felt_mps2`` is the apparent gravity along the pad by the arm's motion at ``felt_s``, and
-``turn_radps`` its angular velocity about the normal of the pad; they are known of readings that are at most
-``felt_lasts_s`` away from that."""
+thresholds of the level. ``gravity_mps2`` is the apparent gravity along X and Y of the pad by the motion of the arm, and
+``turn_radps`` its angular velocity about the normal of the pad, both at ``gravity_s``; they are valid for readings at
+most ``gravity_lasts_s`` away from it."""
 
-WATCH = np.dtype(
+MEMORY = np.dtype(
     [
         ("in_contact", _FLAG),
         ("twist", _FLOAT, (3,)),

@@ -112,10 +112,10 @@ def move_to_pad(readings: Rows, states: Rows) -> None:
 
     Args:
         readings: Rows of READING, shape (n,); their wrenches are replaced.
-        states: One row of STATE.
+        states: One row of CONTACT_STATE.
     """
-    now = states[0]["conditions"]
-    matrix, offset, weight = now["matrix"], now["offset"], now["weight"]
+    conditions = states[0]["conditions"]
+    matrix, offset, weight = conditions["matrix"], conditions["offset"], conditions["weight"]
     for k in range(len(readings)):
         wrench = readings[k]["wrench"]
         given = (wrench[0], wrench[1], wrench[2], wrench[3], wrench[4], wrench[5])
@@ -135,7 +135,7 @@ def find_contacts(readings: Rows, states: Rows, oldest_ns: int, moved: bool) -> 
     Args:
         readings: Rows of READING, shape (n,), PENDING or UNTRUSTED. Their contacts are filled in, and nothing is known
             yet of margin and utilisation.
-        states: One row of STATE, as the reading before left it.
+        states: One row of CONTACT_STATE, as the reading before left it.
         oldest_ns: Readings from before this time are LATE.
         moved: The wrenches are in the pad frame already. Otherwise they are moved into it.
 
@@ -146,8 +146,11 @@ def find_contacts(readings: Rows, states: Rows, oldest_ns: int, moved: bool) -> 
     """
     if not moved:
         move_to_pad(readings, states)
-    now, forces, in_contact = states[0]["conditions"], states[0]["forces"], states[0]["memory"]["in_contact"]
-    force_std, torque_std = now["force_std_n"] + now["force_n"], now["torque_std_nm"] + now["torque_nm"]
+    conditions, forces, in_contact = states[0]["conditions"], states[0]["forces"], states[0]["memory"]["in_contact"]
+    force_std, torque_std = (
+        conditions["force_std_n"] + conditions["force_n"],
+        conditions["torque_std_nm"] + conditions["torque_nm"],
+    )
     ends_at, phases = len(readings), 0
     for k in range(len(readings)):
         row = readings[k]
@@ -157,11 +160,11 @@ def find_contacts(readings: Rows, states: Rows, oldest_ns: int, moved: bool) -> 
         if row["t_ns"] < oldest_ns:
             phase = LATE
         elif phase == PENDING:
-            pressed = normal >= (now["lasts_n"] if in_contact else now["begins_n"])
+            pressed = normal >= (conditions["lasts_n"] if in_contact else conditions["begins_n"])
             phase = TOUCHING if pressed and math.isfinite(fx + fy + fz) else FREE
-            if phase == FREE and normal < -now["pulled_n"]:
+            if phase == FREE and normal < -conditions["pulled_n"]:
                 phase = PULLED
-            elif not now["zero_known"]:
+            elif not conditions["zero_known"]:
                 phase = UNTRUSTED
         contact = row["contact"]
         if phase == TOUCHING:
@@ -194,7 +197,7 @@ def judge_readings(
 
     Args:
         readings: Rows of READING with their contacts, shape (n,).
-        states: One row of STATE. Where μ is unknown, λ is solved for μ = 1: it is the required friction.
+        states: One row of CONTACT_STATE. Where μ is unknown, λ is solved for μ = 1: it is the required friction.
         learnings: One row of LEARNING.
         x: Centres of the active taxels, shape (k,), contiguous, m; k = 0 without an image.
         y: Likewise, shape (k,), m.
@@ -204,31 +207,35 @@ def judge_readings(
         shape_error: As of `learn`.
         teaches_from: Likewise.
     """
-    now, watch, spin_1n = states[0]["conditions"], states[0]["memory"], 0.0
+    conditions, memory, spin_1n = states[0]["conditions"], states[0]["memory"], 0.0
     if x.size > 0:
-        mu = 1.0 if math.isnan(now["mu"]) else now["mu"]
-        twist, nan = watch["twist"], math.nan
+        mu = 1.0 if math.isnan(conditions["mu"]) else conditions["mu"]
+        twist, nan = memory["twist"], math.nan
         fill_margins(outline_x, outline_y, readings)
         solve_readings(
-            readings, x, y, shares, mu, now["spin_scale"], twist[0], twist[1], twist[2], DECISION_GAP, MAX_PASSES
+            readings, x, y, shares, mu, conditions["spin_scale"], twist[0], twist[1], twist[2], DECISION_GAP, MAX_PASSES
         )
-        if now["force_n"] > 0.0:
-            load, start, stop = Load(0.0, 0.0, now["torque_nm"], 0.0, 0.0), Twist(nan, nan, nan), Stop(GOAL, MAX_PASSES)
+        if conditions["force_n"] > 0.0:
+            load, start, stop = (
+                Load(0.0, 0.0, conditions["torque_nm"], 0.0, 0.0),
+                Twist(nan, nan, nan),
+                Stop(GOAL, MAX_PASSES),
+            )
             spin_1n = utilisation_of(x, y, shares, mu, load, start, stop, np.empty((3, x.size))).upper
     assess_readings(readings, states, spin_1n)
     learn(readings, learnings, shape_error, teaches_from)
-    _remember(readings, watch, x.size > 0)
+    _remember(readings, memory, x.size > 0)
 
 
 @compiled_part
-def _remember(readings: Rows, watch: Row, solved: bool) -> None:
+def _remember(readings: Rows, memory: Row, solved: bool) -> None:
     """Keep contact and twist of the newest reading that could be trusted."""
     for k in range(len(readings) - 1, -1, -1):
         row = readings[k]
         if row["phase"] != UNTRUSTED:
             touches = row["phase"] == TOUCHING
-            watch["in_contact"] = touches
-            twist, found = watch["twist"], row["utilisation"]["twist"]
+            memory["in_contact"] = touches
+            twist, found = memory["twist"], row["utilisation"]["twist"]
             for i in range(3):
                 twist[i] = found[i] if touches and solved else math.nan
             return

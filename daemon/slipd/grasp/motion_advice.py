@@ -17,7 +17,7 @@ from slipd.config import Grasp
 from slipd.finger.finger import Finger
 from slipd.finger.trust import is_trusted
 from slipd.finger.verdict import danger_reasons
-from slipd.fusion.held_pad import MOST, HeldPad
+from slipd.fusion.held_pad import UNBOUNDED, HeldPad
 from slipd.fusion.motion_limits import nearest_limit, worst_turn
 from slipd.fusion.motion_scale import check_points, follow_gravity, largest_scales
 from slipd.grasp.arm_history import ERROR_MPS2, ArmGravity, felt_at
@@ -286,7 +286,7 @@ class MotionAdvice:
 
     def _grip_needed(self, lack_n: float) -> float:
         """Return the grip force that is needed where the pads lack so much; inf where none would hold."""
-        return math.inf if lack_n >= MOST else max(min(load.normal_n for load in self._loads) + lack_n, 0.0)
+        return math.inf if lack_n >= UNBOUNDED else max(min(load.normal_n for load in self._loads) + lack_n, 0.0)
 
 
 def _memory(pads: tuple[HeldPad, HeldPad]) -> Array:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from slipd.fusion.held_pad import MOST
+from slipd.fusion.held_pad import UNBOUNDED
 from slipd.types.arrays import Array
 
 Mode = Literal["translation", "rotation", "tipping"]
@@ -70,4 +70,4 @@ class MotionCheck:
 
 def unbounded(used: float) -> float:
     """Return a utilisation, inf where no grip holds."""
-    return math.inf if used >= MOST else float(used)
+    return math.inf if used >= UNBOUNDED else float(used)

@@ -13,7 +13,7 @@ from slipd.finger.finger_state import LoadDistribution
 from slipd.finger.trust import is_trusted
 from slipd.fusion.friction_learning import Z
 from slipd.fusion.held_pad import NET_SHARE, HeldPad, tipping_edges, twist_net
-from slipd.fusion.levels import Uncertainty
+from slipd.fusion.levels import WrenchUncertainty
 from slipd.grasp.grasp_view import Place
 from slipd.types.arrays import Array
 
@@ -42,7 +42,7 @@ class KnownContact(NamedTuple):
     half_pitch_m: float
     mu: float
     spin_scale: float
-    noise: Uncertainty
+    noise: WrenchUncertainty
 
 
 class Whole(NamedTuple):

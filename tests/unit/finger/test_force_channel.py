@@ -11,7 +11,7 @@ from nanoseconds import MS, T0
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.stream_health import force_conditions
-from slipd.fusion.levels import STATE
+from slipd.fusion.levels import CONTACT_STATE
 from slipd.fusion.recent_forces import mean_wrench
 from slipd.fusion.rows import new_rows
 from slipd.fusion.streaming import move_to_pad, wrench_at
@@ -44,7 +44,7 @@ def heavy(left: str, parse: Parse) -> str:
 
 def side(text: str, parse: Parse) -> ForceChannel:
     wrench = parse(text).finger["left"].wrench
-    force = ForceChannel(wrench, new_rows(STATE, 1))
+    force = ForceChannel(wrench, new_rows(CONTACT_STATE, 1))
     force.tare.observe(T0)
     return force
 
@@ -148,7 +148,7 @@ def test_drift_at_its_limit_is_reported(left: str, parse: Parse) -> None:
 def test_the_mean_is_that_of_the_readings_between_two_times(finger: Finger, wrench: Wrench) -> None:
     samples = [wrench(T0 + k * MS, 8.0 + k, (1.0, 0.0)) for k in range(6)]
     finger.decide(samples, [sample.t_ns for sample in samples])
-    state = finger._estimator.watch.state
+    state = finger._estimator.contact.row
     assert mean_wrench(state, T0 + MS, T0 + 4 * MS)[2] == pytest.approx(-11.0), "of the third to the fifth"
     for since_ns, until_ns, k in (
         (T0 + 5 * MS, T0 + 9 * MS, 5),

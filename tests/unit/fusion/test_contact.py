@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from slipd.config import Levels, Slip
 from slipd.fusion import Contact, contact_from_wrench
 from slipd.fusion.contact import contact_of
-from slipd.fusion.levels import ContactWatch, Uncertainty
+from slipd.fusion.levels import ContactState, WrenchUncertainty
 from slipd.fusion.rows import FREE, LATE, PENDING, TOUCHING, UNTRUSTED
 from slipd.fusion.streaming import (
     contact_at,
@@ -90,11 +90,11 @@ def test_readings_that_follow_each_other_have_the_contacts_that_each_has(
     )
     rows["phase"] = [phase for phase, *_ in readings]
     moved = rows.copy()
-    watch = ContactWatch(Levels(), Slip(), 0.001, 0.5)
-    watch.set_uncertainty(Uncertainty(0.02, torque_std_nm))
-    watch.state["memory"]["in_contact"] = in_contact
-    move_to_pad(moved, watch.state)
-    ends_at, phases = find_contacts(rows, watch.state, 0, False)
+    watch = ContactState(Levels(), Slip(), 0.001, 0.5)
+    watch.set_uncertainty(WrenchUncertainty(0.02, torque_std_nm))
+    watch.row["memory"]["in_contact"] = in_contact
+    move_to_pad(moved, watch.row)
+    ends_at, phases = find_contacts(rows, watch.row, 0, False)
     ends, found_phases = [], set()
     for k, (phase, *_, torque) in enumerate(readings):
         found, contact, wrench = rows[k], contact_at(rows, k), wrench_at(moved, k)
@@ -125,30 +125,30 @@ def test_readings_that_follow_each_other_have_the_contacts_that_each_has(
 
 def test_a_batch_of_any_size_is_transformed_like_single_readings() -> None:
     rng = np.random.default_rng(3)
-    watch = ContactWatch(Levels(), Slip(), 0.001, 0.5)
+    watch = ContactState(Levels(), Slip(), 0.001, 0.5)
     matrix, offset, weight = rng.normal(size=(6, 6)), rng.normal(size=6), rng.normal(size=6)
     matrix[:3, 3:] = 0.0
-    now = watch.state["conditions"]
+    now = watch.row["conditions"]
     now["matrix"], now["offset"], now["weight"] = matrix, offset, weight
     wrenches, times_ns = rng.normal(size=(50, 6)), list(range(50))
     moved = new_readings(wrenches.tolist(), times_ns)
-    move_to_pad(moved, watch.state)
+    move_to_pad(moved, watch.row)
     expected = (wrenches - offset) @ matrix.T - weight
     assert moved["wrench"] == pytest.approx(expected)
     assert moved["t_s"].tolist() == [t_ns * 1e-9 for t_ns in times_ns]
     for k, wrench in enumerate(wrenches.tolist()):
         alone = new_readings([wrench], [0])
-        move_to_pad(alone, watch.state)
+        move_to_pad(alone, watch.row)
         assert wrench_at(alone, 0) == wrench_at(moved, k), "to the last bit"
     found = new_readings(wrenches.tolist(), times_ns)
-    find_contacts(found, watch.state, 0, False)
+    find_contacts(found, watch.row, 0, False)
     assert np.array_equal(found["wrench"], moved["wrench"])
 
 
 def test_a_torque_that_is_not_measured_leaves_the_force_alone() -> None:
-    watch = ContactWatch(Levels(), Slip(), 0.001, 0.5)
-    watch.state["conditions"]["matrix"][0, 3:, :3] = 0.02
+    watch = ContactState(Levels(), Slip(), 0.001, 0.5)
+    watch.row["conditions"]["matrix"][0, 3:, :3] = 0.02
     reading = new_readings([(1.0, 2.0, -3.0, *[math.nan] * 3)], [0])
-    move_to_pad(reading, watch.state)
+    move_to_pad(reading, watch.row)
     assert reading["wrench"][0, :3].tolist() == [1.0, 2.0, -3.0]
     assert np.isnan(reading["wrench"][0, 3:]).all()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from load_course import MU, STD_N, assess, line, readings, slips_at, watch
 
-from slipd.fusion.levels import Uncertainty
+from slipd.fusion.levels import WrenchUncertainty
 from slipd.types.arrays import Array
 
 RISE, HOLD = (2.0, 6.0, 800), 300
@@ -38,12 +38,12 @@ def slips(
         rows["utilisation"] = readings(spun, mu=mu)["utilisation"]
     along = np.column_stack((np.cos(turns_rad) * felt, np.sin(turns_rad) * felt))
     for k, gravity in enumerate(along):
-        now = contact.state["conditions"]
+        now = contact.row["conditions"]
         if not np.isnan(gravity).any():
-            now["felt_mps2"], now["felt_s"], now["felt_lasts_s"] = gravity, rows["t_s"][k], 0.002
+            now["gravity_mps2"], now["gravity_s"], now["gravity_lasts_s"] = gravity, rows["t_s"][k], 0.002
         if turn_radps is not None:
             now["turn_radps"] = turn_radps[k]
-        assess(contact, rows[k : k + 1], mu, Uncertainty(STD_N))
+        assess(contact, rows[k : k + 1], mu, WrenchUncertainty(STD_N))
     return slips_at(rows["assessment"])
 
 

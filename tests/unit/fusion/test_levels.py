@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from load_course import MU, Watch, assess, contact_rows, watch
 
-from slipd.fusion.levels import Uncertainty
+from slipd.fusion.levels import WrenchUncertainty
 from slipd.fusion.load_growth import GROWTH_S, GROWTH_STDS, grows
 from slipd.fusion.rows import CAUTION, FREE, STABLE, WARNING, Rows
 from slipd.types.arrays import Array
@@ -54,14 +54,14 @@ def test_a_level_is_never_below_that_of_the_load_nor_above_the_one_before(path: 
 LIGHT_N = 0.5
 LEVER_M = 5e-4
 """Of a contact on one taxel or two, by its friction."""
-NOISE = Uncertainty(0.0, 2e-4)
+NOISE = WrenchUncertainty(0.0, 2e-4)
 
 
 def course(used: Array, period_s: float = 1e-3, noise_n: float = 0.02) -> Rows:
     """Return the assessed readings of a load on a contact of 10 N, with noise."""
     load = used * 10.0 * MU + np.random.default_rng(3).normal(0.0, noise_n, len(used))
     rows = contact_rows(len(used), load, 10.0, load / 10.0 / MU, np.arange(len(used)) * period_s)
-    assess(watch(), rows, MU, Uncertainty(min(noise_n, 0.02)))
+    assess(watch(), rows, MU, WrenchUncertainty(min(noise_n, 0.02)))
     return rows
 
 
@@ -117,15 +117,15 @@ def test_a_growth_within_its_noise_does_not_count() -> None:
     assess(growing, contact_rows(len(load), load, 10.0, load / 10.0 / MU, np.arange(len(load)) * 1e-3), MU, NOISE)
     growth = 0.3 * GROWTH_S * MU
     for stds, found in ((1.1 * GROWTH_STDS, True), (0.9 * GROWTH_STDS, False)):
-        growing.state["drop"]["rough"] = growth / stds
-        assert grows(growing.state["drop"][0], growing.state["ring"][0], MU, 0.75) is found
-    growing.state["drop"]["rough"] = 0.0
-    assert not grows(growing.state["drop"][0], growing.state["ring"][0], MU, 0.85), "its mean has not reached that"
+        growing.row["drop"]["rough"] = growth / stds
+        assert grows(growing.row["drop"][0], growing.row["ring"][0], MU, 0.75) is found
+    growing.row["drop"]["rough"] = 0.0
+    assert not grows(growing.row["drop"][0], growing.row["ring"][0], MU, 0.85), "its mean has not reached that"
 
 
 def test_an_unknown_weight_adds_its_force_and_its_spin_to_the_load_and_takes_its_force_off_the_grip() -> None:
     rows = contact_rows(1, 3.0, 10.0, 0.5, 1e-3)
-    assess(watch(), rows, MU, Uncertainty(0.02, 0.0, force_n=1.0), 0.7)
+    assess(watch(), rows, MU, WrenchUncertainty(0.02, 0.0, force_n=1.0), 0.7)
     assert rows["assessment"]["utilisation_upper"] == pytest.approx((0.5 * 10.0 + 1.0 / MU + 0.7) / 9.0)
 
 
@@ -135,7 +135,7 @@ def test_a_new_contact_begins_without_the_mean_of_the_one_before() -> None:
     rows = contact_rows(3, used * LIGHT_N * MU, LIGHT_N, used, np.arange(3) * 1e-3)
     rows["phase"][1], rows["utilisation"]["twist"][:, 0] = FREE, 1.0
     for k, std_n in enumerate((0.005, 0.005, 0.2)):
-        assess(watched, rows[k : k + 1], MU, Uncertainty(std_n))
+        assess(watched, rows[k : k + 1], MU, WrenchUncertainty(std_n))
     assert rows["assessment"]["friction_step"].tolist() == [WARNING, STABLE, STABLE]
 
 
@@ -209,7 +209,7 @@ def test_a_spin_is_a_danger_beyond_its_noise(spins: Array, first: int, last: int
 SHEAR_N, RATIO_ALONE = 0.9 * MU, -1
 
 
-UNKNOWN_WEIGHT = Uncertainty(0.02, 0.0, force_n=1.0)
+UNKNOWN_WEIGHT = WrenchUncertainty(0.02, 0.0, force_n=1.0)
 
 
 @pytest.mark.parametrize(
@@ -222,7 +222,7 @@ UNKNOWN_WEIGHT = Uncertainty(0.02, 0.0, force_n=1.0)
         ),
         # the friction ratio alone
         *(
-            (SHEAR_N * LIGHT_N, LIGHT_N, 0.0, 0.0, 0, RATIO_ALONE, Uncertainty(std_n), step)
+            (SHEAR_N * LIGHT_N, LIGHT_N, 0.0, 0.0, 0, RATIO_ALONE, WrenchUncertainty(std_n), step)
             for std_n, step in ((0.2, STABLE), (0.005, WARNING))
         ),
         # what the unknown weight of the finger may add is no noise: a mean over readings makes it no smaller
@@ -231,7 +231,14 @@ UNKNOWN_WEIGHT = Uncertainty(0.02, 0.0, force_n=1.0)
     ],
 )
 def test_a_reading_counts_as_its_noise_allows(
-    load_n: float, normal_n: float, used: float, spin_nm: float, axis: int, kind: int, noise: Uncertainty, step: int
+    load_n: float,
+    normal_n: float,
+    used: float,
+    spin_nm: float,
+    axis: int,
+    kind: int,
+    noise: WrenchUncertainty,
+    step: int,
 ) -> None:
     rows = contact_rows(3, load_n, normal_n, used, np.arange(3) * 1e-3)
     rows["contact"]["spin_nm"], rows["utilisation"]["kind"], rows["utilisation"]["twist"][:, axis] = spin_nm, kind, 1.0

@@ -12,7 +12,7 @@ from limit_contacts import MU, disc, random_contact
 
 from slipd.config import Levels, Slip
 from slipd.fusion import torque_limit, utilisation
-from slipd.fusion.levels import ContactWatch
+from slipd.fusion.levels import ContactState
 from slipd.fusion.limit.batch import solve_readings
 from slipd.fusion.rows import FREE, UNTRUSTED
 from slipd.fusion.streaming import contact_at, find_contacts, new_readings, utilisation_at
@@ -82,8 +82,8 @@ def test_readings_that_follow_each_other_have_the_utilisation_that_each_has(seed
     wrench[4, 2] = 1.0
     readings = new_readings(wrench.tolist(), list(range(12)))
     readings["phase"][8] = UNTRUSTED
-    watch = ContactWatch(Levels(), Slip(), 0.001, 0.5)
-    find_contacts(readings, watch.state, 0, False)
+    watch = ContactState(Levels(), Slip(), 0.001, 0.5)
+    find_contacts(readings, watch.row, 0, False)
     assert readings["phase"][[4, 8]].tolist() == [FREE, UNTRUSTED]
     assert utilisation_at(readings, 0) is None, "not solved yet"
     singly, unknown = readings.copy(), (math.nan,) * 3

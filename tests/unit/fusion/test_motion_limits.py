@@ -9,9 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from slipd.fusion import utilisation
-from slipd.fusion.held_pad import MOST, NET_SHARE, HeldPad, pad_use, tipping_edges, twist_net
+from slipd.fusion.held_pad import NET_SHARE, UNBOUNDED, HeldPad, pad_utilisation, tipping_edges, twist_net
 from slipd.fusion.motion_limits import nearest_limit, worst_turn
-from slipd.fusion.motion_scale import check_points, follow_gravity, held_ratio, largest_scale
+from slipd.fusion.motion_scale import check_points, follow_gravity, force_ratio, largest_scale
 from slipd.types.arrays import Array
 
 
@@ -71,7 +71,7 @@ def held(right: bool) -> HeldPad:
 PADS = held(right=False), held(right=True)
 TIPS = PADS[1]._replace(lever=np.array((0.003, -0.002, 0.06)), edges=PADS[1].edges[:, 4::5].copy())
 """Hangs far below the fingers, and tips over slanting edges of the contact."""
-EACH = np.empty(PADS[0].twists.shape[1])
+WORK = np.empty(PADS[0].twists.shape[1])
 PARTS = np.array((1.0, 1.0, 1.0, 0.01, 0.01, 0.01))
 STILL, TURNING = np.zeros(6), np.array((1.0, -2.0, 0.5, 0.01, -0.02, 0.015))
 
@@ -104,7 +104,7 @@ def test_the_worst_orientation_keeps_its_digits(pad: HeldPad, expected: tuple[fl
 
 
 @pytest.mark.parametrize(
-    ("felt", "couple", "expected"),
+    ("change", "couple", "expected"),
     [
         ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), [(0.3978151, 4.773781, 8.0, 0.0), (0.3474467, 3.64819, 7.0, 0.0)]),
         ((3.0, -2.0, 4.0), (0.02, -0.01, 0.03), [(0.8104677, 9.178547, 7.55, 0), (0.8458838, 9.320419, 7.345705, 0)]),
@@ -113,14 +113,14 @@ def test_the_worst_orientation_keeps_its_digits(pad: HeldPad, expected: tuple[fl
     ],
 )
 def test_what_a_motion_uses_of_both_pads_keeps_its_digits(
-    felt: tuple[float, ...], couple: tuple[float, ...], expected: list[tuple[float, ...]]
+    change: tuple[float, ...], couple: tuple[float, ...], expected: list[tuple[float, ...]]
 ) -> None:
-    found = [pad_use(pad, felt, couple, 1.5, EACH) for pad in PADS]
+    found = [pad_utilisation(pad, change, couple, 1.5, WORK) for pad in PADS]
     assert np.array(found) == pytest.approx(np.array(expected), rel=1e-5)
 
 
 @pytest.mark.parametrize(
-    ("swings", "expected", "scales"),
+    ("size", "expected", "scales"),
     [
         (1.0, (0.5932274, 5, 0, 0, -0.8739064, 1.0), [2.0, 2.0, 1.546821]),
         (2.0, (0.8201557, 5, 0, 0, 1.800844, 0.6735488), [1.148371, 1.915097, 0.7733403]),
@@ -128,23 +128,23 @@ def test_what_a_motion_uses_of_both_pads_keeps_its_digits(
     ],
 )
 def test_how_far_a_motion_must_be_slowed_down_keeps_its_digits(
-    swings: float, expected: tuple[float, ...], scales: list[float]
+    size: float, expected: tuple[float, ...], scales: list[float]
 ) -> None:
     rest = 0.3 * np.sin(np.arange(42.0)).reshape(7, 6) * PARTS
-    swing = swings * np.cos(1.7 * np.arange(42.0)).reshape(7, 6) * PARTS
-    assert check_points(*PADS, rest, swing, 1.5, EACH) == pytest.approx(expected, rel=1e-5)
-    found = [largest_scale(*PADS, rest[k], swing[k], 1.5, 2.0, EACH) for k in range(3)]
+    motion = size * np.cos(1.7 * np.arange(42.0)).reshape(7, 6) * PARTS
+    assert check_points(*PADS, rest, motion, 1.5, WORK) == pytest.approx(expected, rel=1e-5)
+    found = [largest_scale(*PADS, rest[k], motion[k], 1.5, 2.0, WORK) for k in range(3)]
     assert found == pytest.approx(scales, rel=1e-5)
-    ratios = [held_ratio(*PADS, rest[k], swing[k], scale, 1.5, EACH) for k, scale in enumerate(found)]
+    ratios = [force_ratio(*PADS, rest[k], motion[k], scale, 1.5, WORK) for k, scale in enumerate(found)]
     assert [0.99 <= ratio <= 1.0 for ratio in ratios] == [scale < 2.0 for scale in found]
 
 
 def test_a_motion_that_lifts_a_pad_off_is_not_held_and_the_first_such_point_is_told() -> None:
-    rest, swing = np.zeros((2, 2, 6))
-    swing[:, 0] = -60.0
-    found = check_points(*PADS, rest, swing, 1.5, EACH)
-    assert found == pytest.approx((MOST, 0, 1, 0, MOST, 0.1515602), rel=1e-5)
-    assert held_ratio(*PADS, rest[0], swing[0], found[5], 1.5, EACH) == pytest.approx(1.0, rel=0.01)
+    rest, motion = np.zeros((2, 2, 6))
+    motion[:, 0] = -60.0
+    found = check_points(*PADS, rest, motion, 1.5, WORK)
+    assert found == pytest.approx((UNBOUNDED, 0, 1, 0, UNBOUNDED, 0.1515602), rel=1e-5)
+    assert force_ratio(*PADS, rest[0], motion[0], found[5], 1.5, WORK) == pytest.approx(1.0, rel=0.01)
 
 
 @pytest.mark.parametrize("pads", [PADS, (PADS[0], TIPS)])
@@ -152,12 +152,12 @@ def test_a_motion_that_lifts_a_pad_off_is_not_held_and_the_first_such_point_is_t
 def test_a_point_that_is_not_solved_would_not_have_been_the_worst(
     pads: tuple[HeldPad, HeldPad], size: float, holds: bool
 ) -> None:
-    rest, swing = np.random.default_rng(7).normal(size=(2, 300, 6)) * PARTS * np.array((0.1, size))[:, None, None]
-    uses = [[pad_use(pad, tuple(at[:3]), tuple(at[3:]), 1.5, EACH) for pad in pads] for at in rest + swing]
+    rest, motion = np.random.default_rng(7).normal(size=(2, 300, 6)) * PARTS * np.array((0.1, size))[:, None, None]
+    uses = [[pad_utilisation(pad, tuple(at[:3]), tuple(at[3:]), 1.5, WORK) for pad in pads] for at in rest + motion]
     used, needed, normal, tips = np.array(uses).transpose(2, 0, 1)
     worst = np.unravel_index(used.argmax(), used.shape)
-    *found, scale = check_points(*pads, rest, swing, 1.5, EACH)
+    *found, scale = check_points(*pads, rest, motion, 1.5, WORK)
     assert found == [used[worst], *worst, tips[worst], (needed - normal).max()]
-    slowed = [[held_ratio(*pads, rest[k], swing[k], by * scale, 1.5, EACH) for k in range(300)] for by in (1.0, 1.01)]
+    slowed = [[force_ratio(*pads, rest[k], motion[k], by * scale, 1.5, WORK) for k in range(300)] for by in (1.0, 1.01)]
     assert max(slowed[0]) <= 1.0
     assert (scale == 1.0) if holds else (max(slowed[1]) > 1.0)

@@ -18,7 +18,7 @@ FLAT = 1e-9  # a determinant this small, relative to the product of the curvatur
 STIFF = 1e-12  # share of the curvatures' sum that is then added to each
 OVERSHOOT = 0.5  # a step that climbs again this steeply, relative to its start, went too far
 KINK = 0.1  # share of the squared curvatures from which one taxel may be a kink
-FELT = 0.25  # a step feels that kink where it changes the taxel's sliding velocity by more than this share
+MEETS_KINK = 0.25  # a step meets that kink where it changes the taxel's sliding velocity by more than this share
 UNSURE = 4e-3  # below this share of the twist, rounding of a sliding velocity shows in its direction
 RULING = 0.5  # share of the squared curvatures from which one taxel is tried as the hinge
 PATIENCE = 14  # passes after which several taxels together are taken for a kink
@@ -132,7 +132,7 @@ def descend(
             j = sharpest(x, y, w, q0, q1, q2)
             near = abs(q0 - q2 * y[j]) + abs(q1 + q2 * x[j])
             change = abs((ax - am * y[j]) * s1) + abs(am * x[j] * s1 + s2)
-            if not bends or change > FELT * near or near < UNSURE * w[j] * size:
+            if not bends or change > MEETS_KINK * near or near < UNSURE * w[j] * size:
                 return Bracket(lower, upper, here.value), Twist(q0, q1, q2), OPEN, done
         value, slope, shrink = r.excess + h * q0, m.g1 * s1 + m.g2 * s2, 1.0
         resolved = -slope > RESOLUTION * abs(value)
