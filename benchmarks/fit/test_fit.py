@@ -15,7 +15,7 @@ from fit.replay import LoadRules, joined
 from fit.rules import IMAGE, LOAD, replaced
 from fit.score import score, spans_of, today
 
-from slipd.motion import image_shift, object_motion, shift_path
+from slipd.motion import image_shift, shift_path, width_change
 from slipd.types.arrays import Array
 from slipd_client.messages import level_code
 
@@ -111,7 +111,7 @@ def test_reports_of_the_posterior_last_while_looks_go_on() -> None:
 def test_a_constant_is_replaced_wherever_it_is_used_and_only_meanwhile() -> None:
     with replaced({"motion.shift_path.LEAST_M": 7.0}):
         assert image_shift.LEAST_M == shift_path.LEAST_M == 7.0
-        assert object_motion.LEAST_M == 3e-4
+        assert width_change.LEAST_M == 3e-4
     assert image_shift.LEAST_M == shift_path.LEAST_M == 2e-4
 
 

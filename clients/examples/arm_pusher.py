@@ -27,12 +27,12 @@ def arm_message(
         angular_velocity_radps: Its angular velocity, in the base frame.
     """
     to_gripper = Rotation.from_quat(quat_xyzw).inv()
-    felt_mps2 = np.subtract(GRAVITY_MPS2, acceleration_mps2)
+    apparent_mps2 = np.subtract(GRAVITY_MPS2, acceleration_mps2)
     return msgpack.packb(
         {
             "stream": "arm",
             "t_ns": t_ns,
-            "gravity_mps2": to_gripper.apply(felt_mps2).tolist(),
+            "gravity_mps2": to_gripper.apply(apparent_mps2).tolist(),
             "angular_velocity_radps": to_gripper.apply(angular_velocity_radps).tolist(),
         }
     )

@@ -19,7 +19,7 @@ from slipd.fusion.contact import contact_of
 from slipd.fusion.levels import WrenchUncertainty
 from slipd.fusion.rows import TOUCHING
 from slipd.fusion.streaming import new_readings
-from slipd.grasp.arm_history import ArmGravity
+from slipd.grasp.arm_gravity import ArmGravity
 from slipd.grasp.grasp_view import Place
 from slipd.grasp.motion_advice import LOOK_NS, MotionAdvice
 from slipd.grasp.motion_answers import MotionCheck, MotionLimits
@@ -154,7 +154,7 @@ class Advised:
     ) -> None:  # fmt: skip
         self.grip, self._noise, self._rng = grip, noise, rng or np.random.default_rng(0)
         self.own = own or ObjectState(grip.mass_kg, 0.0, tuple(grip.com_m.tolist()), (0.0, 0.0, 0.0), "")
-        self.view = SimpleNamespace(object=self.own, lying=None, swing=None, level=lambda: "stable")
+        self.view = SimpleNamespace(object=self.own, supported=None, swing=None, level=lambda: "stable")
         self._mu = grip.mu if mu_low is None else mu_low
         self.fingers = {name: self._finger(name) for name in PLACES}
         self._config = Grasp.model_validate({"pads": PLACES, "motion": {"wanted_acceleration_mps2": wanted_mps2}})

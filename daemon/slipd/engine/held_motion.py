@@ -8,7 +8,8 @@ from slipd.finger.finger_state import FingerState
 from slipd.grasp.pad_motion import make_pad_motion
 from slipd.gripper.gripper_control import GripperControl
 from slipd.motion.evidence import Evidence, MotionRisk
-from slipd.motion.object_motion import OutsideMotion, WidthChange
+from slipd.motion.outside_motion import OutsideMotion
+from slipd.motion.width_change import WidthChange
 from slipd.rig import Rig
 from slipd.types.samples import GripperSample, ObjectSample
 

@@ -1,4 +1,4 @@
-"""Motion of the arm: gives each finger of the grasp the apparent gravity that its own weight feels.
+"""Motion of the arm: gives each finger of the grasp the apparent gravity that acts on its own weight.
 
 A stream that cannot be right is not believed: its fingers are then as they are without a stream.
 """
@@ -12,8 +12,9 @@ from slipd.config import Arm as ArmConfig
 from slipd.config import Grasp, stale_after_ns
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
-from slipd.grasp.arm_history import ArmGravity, MotionHistory
+from slipd.grasp.arm_gravity import ArmGravity
 from slipd.grasp.grasp_view import Place
+from slipd.grasp.motion_history import MotionHistory
 from slipd.signals.gravity import FRESH_NS, MOST_GRAVITY_MPS2, STANDARD_GRAVITY_MPS2, gravity_at, gravity_fault
 from slipd.types.arrays import Array
 from slipd.types.samples import ArmSample
@@ -75,14 +76,14 @@ class ArmMotion:
             self._fault = _fault_of(sample)
             if self._fault or not self._check_length(sample.gravity_mps2, acquired_ns):
                 continue
-            felt = {name: finger.gravity(sample, width_m) for name, finger in self._fingers.items()}
-            if any(gravity_fault(gravity) for gravity in felt.values()):
+            gravities = {name: finger.gravity(sample, width_m) for name, finger in self._fingers.items()}
+            if any(gravity_fault(gravity) for gravity in gravities.values()):
                 self._fault = f"its motion exceeds {MOST_GRAVITY_MPS2:.0f} m/s² (5 g) at a finger: check its units"
                 continue
             self.history.add(sample, acquired_ns)
             if self.misfit:
                 continue
-            for name, gravity in felt.items():
+            for name, gravity in gravities.items():
                 self._fingers[name].set_motion(gravity, sample.angular_velocity_radps, acquired_ns, self._stale_ns)
             self._fresh_until_ns = acquired_ns + self._stale_ns
         self.gravity.update(samples[-1], times_ns[-1])
@@ -179,6 +180,6 @@ class _WeighedFinger:
         return in_pad
 
     def set_motion(self, gravity_mps2: list[float], velocity_radps: Sequence[float], t_ns: int, fresh_ns: int) -> None:
-        """Set what the finger feels, in the pad frame, at an angular velocity of the gripper."""
+        """Set the apparent gravity of the finger, in the pad frame, and the angular velocity of the gripper."""
         turn_radps = float(self._place.rotation[:, 2] @ velocity_radps)
         self.force.set_motion(gravity_mps2, turn_radps, t_ns, fresh_ns)

@@ -90,8 +90,8 @@ class GraspView:
         places: Poses of their pads.
         state: State at the last `update`.
         object: What is known of the object.
-        lying: What an earlier grasp showed of the named object, while something may still carry a part of its weight;
-            None: nothing is known, or it is carried.
+        supported: What an earlier grasp showed of the named object, while something else may still carry a part of its
+            weight; None: nothing is known, or the grip carries it.
         swing: How the object swings about the line through both pads; None: no swing was seen.
         regrip_std_m: See ``[grasp.motion]``.
     """
@@ -101,7 +101,7 @@ class GraspView:
         self.places = tuple(Place(place) for place in config.pads.values())
         self._least_n = max(finger.config.min_normal_n for finger in self.fingers)
         self.object = NOTHING_HELD
-        self.lying: ObjectState | None = None
+        self.supported: ObjectState | None = None
         self.swing: Swing | None = None
         self.regrip_std_m = config.motion.regrip_std_m
         self.state = self.update(None)

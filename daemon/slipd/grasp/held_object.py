@@ -21,7 +21,7 @@ from slipd.grasp.object_estimate import (
     NOTHING_HELD,
     SCALE_STD,
     WAITING,
-    Felt,
+    GripperMotion,
     ObjectEstimate,
     ObjectState,
     gripped_again,
@@ -106,14 +106,14 @@ class HeldObject:
     def __init__(self, view: GraspView, sides: Sequence[Side], arm: ArmMotion | None, named: NamedObject) -> None:
         self._view, self._sides, self._arm, self._named = view, sides, arm, named
         self._known: dict[str, ObjectState] = {}
-        self._same = 0
-        self._lying: ObjectState | None = None
+        self._alike = 0  # readings in a row that weigh as much as the named object
+        self._supported: ObjectState | None = None
         self._noise_n = min(side.noise_n for side in sides)
         self._estimate, self._swing = ObjectEstimate(), SwingEstimate()
         self._check = ArmCheck(math.hypot(*(side.noise_n for side in sides)))
         self._waiting: deque[_Load] = deque()
         self._geometry: _Geometry | None = None
-        self._slow: deque[Array] = deque(maxlen=SLOW_READINGS)
+        self._requested: deque[Array] = deque(maxlen=SLOW_READINGS)
         self._touching: tuple[bool, ...] = ()
         self._next_ns = 0
 
@@ -127,91 +127,97 @@ class HeldObject:
         if t_ns < self._next_ns:
             return self._next_ns
         self._next_ns = t_ns + PERIOD_NS
+        self._follow_touches()
+        motion_known = self._arm is not None and self._learn_by_arm(self._arm, width_m, t_ns)
+        motion_known = motion_known or self._learn_by_requests(width_m, t_ns)
+        state = self._state(motion_known=motion_known)
+        self._view.object, self._view.supported = state, self._supported if state.unknown == NOT_MOVED else None
+        self._view.swing = self._swing.swing()
+        return self._next_ns
+
+    def _follow_touches(self) -> None:
+        """Begin anew where a finger begins or ends to touch."""
         first, second = self._sides
         touching = first.finger.in_contact, second.finger.in_contact
         if touching != self._touching:
-            self._touching, self._same = touching, 0
+            self._touching, self._alike = touching, 0
             # A stream at fault makes touches that are none: the loads still show it, but teach nothing of the object.
             self._waiting = deque(load._replace(own=None) for load in self._waiting)
             self._estimate.forget(WAITING)
             self._swing = SwingEstimate()
-        load = None if self._arm is None else self._load(width_m, t_ns)
-        if self._arm is not None:
-            self._follow_arm(self._arm, load, t_ns)
-        slow = None
-        if self._arm is None or not self._arm.is_used(t_ns):
-            slow = self._slow_felt(t_ns)
-            if slow is not None and (load := load or self._load(width_m, t_ns)) is not None:
-                self._learn(load, slow)
-        state = self._state(moves=slow is not None or (self._arm is not None and self._arm.is_used(t_ns)))
-        self._view.object, self._view.lying = state, self._lying if state.unknown == NOT_MOVED else None
-        self._view.swing = self._swing.swing()
-        return self._next_ns
 
-    def _state(self, *, moves: bool) -> ObjectState:
+    def _state(self, *, motion_known: bool) -> ObjectState:
         first, second = self._sides
         if not (first.finger.zero_known and second.finger.zero_known):
             return NOT_TARED
         if not all(self._touching):
             return NOTHING_HELD
-        return self._estimate.state if moves else NO_MOTION
+        return self._estimate.state if motion_known else NO_MOTION
 
-    def _follow_arm(self, arm: ArmMotion, load: _Load | None, t_ns: int) -> None:
-        """Compare loads with the arm's readings of their time, and learn from them."""
+    def _learn_by_arm(self, arm: ArmMotion, width_m: float | None, t_ns: int) -> bool:
+        """Compare loads with the arm's readings of their time, and learn from them; return whether it is believed."""
         waiting, newest_ns = self._waiting, arm.history.newest_ns
-        if load is not None:
+        if (load := self._load(width_m, t_ns)) is not None:
             waiting.append(load)
         while waiting and waiting[0].t_ns + WAIT_NS <= newest_ns:
             self._compare(waiting.popleft(), arm, t_ns)
         if waiting and waiting[0].t_ns + 2 * WAIT_NS <= t_ns:  # the stream fell silent
             waiting.clear()
+        return arm.is_used(t_ns)
 
     def _compare(self, load: _Load, arm: ArmMotion, t_ns: int) -> None:
+        """Check the stream against a load, and learn from both if the stream is believed."""
         gravities = [gravity for shift in SHIFTS_NS if (gravity := arm.history.gravity(load.t_ns + shift)) is not None]
         if len(gravities) == len(SHIFTS_NS):
             self._check.update(load.whole_n, gravities)
         if arm.misfit != self._check.fault:
             arm.misfit = self._check.fault
             self._estimate.forget(WAITING)
-        felt = arm.history.felt(load.t_ns)
-        if felt is not None and arm.is_used(t_ns):
-            self._learn(load, felt)
-            turns = np.linalg.norm(felt.acceleration_radps2) > EVEN_TURN_RADPS2
-            if load.own is not None and self._estimate.state.mass_kg is not None and not turns:
-                loads = load.own, self._estimate.expected(felt)
+        motion = arm.history.motion(load.t_ns)
+        if motion is not None and load.own is not None and arm.is_used(t_ns):
+            self._learn(load, load.own, motion)
+            turns = np.linalg.norm(motion.acceleration_radps2) > EVEN_TURN_RADPS2
+            if self._estimate.state.mass_kg is not None and not turns:
+                loads = load.own, self._estimate.expected(motion)
                 axis = load.geometry.poses[0].rotation[:, 2]
                 self._swing.update(load.t_ns, *(spin_about(load.middle_m, axis, each) for each in loads))
 
-    def _learn(self, load: _Load, felt: Felt) -> None:
-        if load.own is None:
-            return
-        name, estimate = self._named.name, self._estimate
+    def _learn_by_requests(self, width_m: float | None, t_ns: int) -> bool:
+        """Learn from the newest load, with the orientation that requests set; return whether they did.
+
+        Such a gripper counts as at rest.
+        """
+        gravity = self._sides[0].gravity(t_ns)
+        if gravity is None:
+            self._requested.clear()
+            return False
+        self._requested.append(gravity)
+        if (load := self._load(width_m, t_ns)) is not None and load.own is not None:
+            change = float(np.ptp(np.array(self._requested), axis=0).max())
+            self._learn(load, load.own, GripperMotion(gravity, np.zeros(3), np.zeros(3), change))
+        return True
+
+    def _learn(self, load: _Load, own: Array, motion: GripperMotion) -> None:
+        """Learn mass and centre of mass from a load whose ``own`` part is known, and keep those of a named object."""
+        name, estimate, self._supported = self._named.name, self._estimate, None
         known = None if name is None else self._known.get(name)
-        self._lying = None
         if known is not None and estimate.state.com_m is None and not estimate.recognised:
-            weight_n = (known.mass_kg or 0.0) * felt.gravity_mps2
-            error_n = SAME_WEIGHT * np.linalg.norm(weight_n)
-            if np.linalg.norm(load.own[:3]) <= np.linalg.norm(weight_n) + error_n:
-                self._lying = known
-            same = np.linalg.norm(load.own[:3] - weight_n) <= error_n
-            self._same = self._same + 1 if same else 0
-            if self._same == SAME_READINGS:
-                self._same = 0
-                estimate.recognise(known)
+            self._recognise(known, own[:3], motion.gravity_mps2)
         rise = 1.0 + SCALE_STD * load.grip_n / self._noise_n
-        estimate.update(load.own, felt, load.geometry.noise, rise, load.geometry.lever_m)
+        estimate.update(own, motion, load.geometry.noise, rise, load.geometry.lever_m)
         if name is not None and not estimate.state.unknown:
             self._known[name] = gripped_again(estimate.state, self._view.regrip_std_m)
 
-    def _slow_felt(self, t_ns: int) -> Felt | None:
-        """Return what a gripper feels whose orientation is set by requests, and which otherwise counts as at rest."""
-        gravity = self._sides[0].gravity(t_ns)
-        if gravity is None:
-            self._slow.clear()
-            return None
-        self._slow.append(gravity)
-        change = float(np.ptp(np.array(self._slow), axis=0).max())
-        return Felt(gravity, np.zeros(3), np.zeros(3), change)
+    def _recognise(self, known: ObjectState, force_n: Array, gravity_mps2: Array) -> None:
+        """Compare the force on the fingers with the weight of a named object: a table may still carry a part of it."""
+        weight_n = (known.mass_kg or 0.0) * gravity_mps2
+        error_n = SAME_WEIGHT * np.linalg.norm(weight_n)
+        if np.linalg.norm(force_n) <= np.linalg.norm(weight_n) + error_n:
+            self._supported = known
+        self._alike = self._alike + 1 if np.linalg.norm(force_n - weight_n) <= error_n else 0
+        if self._alike == SAME_READINGS:
+            self._alike = 0
+            self._estimate.recognise(known)
 
     def _load(self, width_m: float | None, t_ns: int) -> _Load | None:
         """Return the load of the newest readings; None where they are not trusted, or do not belong together."""

@@ -1,8 +1,8 @@
 """How fast the arm may go with the object in the grip, so that the grip holds.
 
-The load of each pad under another motion is its mean load now plus the change that the object's mass and centre of mass
-explain (`slipd.fusion.held_pad`). What is not known counts against the motion; see "How fast may it go",
-``docs/physics.md``.
+The load of each pad under another motion is its mean load now plus what a change of the apparent gravity of the object
+adds, by its mass and centre of mass (`slipd.fusion.held_pad`). What is not known counts against the motion; see "How
+fast may it go", ``docs/physics.md``.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from slipd.finger.verdict import danger_reasons
 from slipd.fusion.held_pad import UNBOUNDED, HeldPad
 from slipd.fusion.motion_limits import nearest_limit, worst_turn
 from slipd.fusion.motion_scale import check_points, follow_gravity, largest_scales
-from slipd.grasp.arm_history import ERROR_MPS2, ArmGravity, felt_at
+from slipd.grasp.arm_gravity import ERROR_MPS2, ArmGravity
 from slipd.grasp.arm_motion import ArmMotion
 from slipd.grasp.grasp_view import GraspView, Place
 from slipd.grasp.motion_answers import Mode, MotionCheck, MotionLimits, unbounded
 from slipd.grasp.pad_load import PadLoad, shares_of
 from slipd.grasp.swing_estimate import with_swing
-from slipd.signals.gravity import MOST_GRAVITY_MPS2, STANDARD_GRAVITY_MPS2
+from slipd.signals.gravity import MOST_GRAVITY_MPS2, STANDARD_GRAVITY_MPS2, gravities_at
 from slipd.types.arrays import Array
 
 LOOK_NS = 40_000_000
@@ -40,7 +40,7 @@ MOST_TURN_RADPS2 = 200.0
 RESTING_MPS2, RESTING_RADPS = 0.1, 0.02
 """A motion whose first point is this close to rest begins at rest."""
 LIKE_NOW_MPS2 = 1.0
-"""One whose first point feels the same as the gripper now, within this, begins now."""
+"""One whose first point has the apparent gravity of now, within this, begins now."""
 NO_ARM = "the motion of the arm is not known: the config has no [grasp.arm]"
 ARM_SILENT = "the arm stream ([grasp.arm]) is stale, or not believed: see `status`"
 NO_GRAVITY = "the direction of gravity is not known before 1 s of the arm stream"
@@ -52,24 +52,24 @@ class _Held(NamedTuple):
 
     Attributes:
         pads: The first and the second pad.
-        felt: Specific force at the centre of mass under the mean loads, shape (3,), m/s².
+        apparent: Apparent gravity at the centre of mass under the mean loads, shape (3,), m/s².
         com_m: Centre of mass in the gripper frame, shape (3,).
         middle_m: Point between both contacts, shape (3,).
         gravity: Gravity in the gripper frame, shape (3,), m/s².
     """
 
     pads: tuple[HeldPad, HeldPad]
-    felt: Array
+    apparent: Array
     com_m: Array
     middle_m: Array
     gravity: Array
 
-    def at(self, felt: Array) -> Array:
-        """Return the change to a specific force, shape (3,) or (n, 3), without a turn, shape (6,) or (n, 6)."""
-        return np.concatenate((felt - self.felt, np.zeros_like(felt)), axis=-1)
+    def change_to(self, apparent: Array) -> Array:
+        """Return the change to an apparent gravity, shape (3,) or (n, 3), without a turn, shape (6,) or (n, 6)."""
+        return np.concatenate((apparent - self.apparent, np.zeros_like(apparent)), axis=-1)
 
-    def about(self) -> Array:
-        """Return the normal of the first pad times the lever of the object, shape (3,), m."""
+    def spin_lever(self) -> Array:
+        """Return what times the apparent gravity is the spin of 1 kg about the normal of the first pad, shape (3,)."""
         return np.cross(self.pads[0].turn[2], self.com_m - self.middle_m)
 
 
@@ -93,7 +93,7 @@ class MotionAdvice:
         self._view, self._arm = view, arm
         self._gravity = ArmGravity() if arm is None else arm.gravity
         self._loads = [PadLoad(fingers[name], Place(place)) for name, place in grasp.pads.items()]
-        self._felt = np.zeros(3)
+        self._apparent = np.zeros(3)  # at the centre of mass, in the mean over the same looks as the loads
         self._looked_ns = -LOOK_NS
 
     def follow(self, t_ns: int) -> int:
@@ -101,8 +101,8 @@ class MotionAdvice:
         if t_ns < self._looked_ns + LOOK_NS:
             return self._looked_ns + LOOK_NS
         self._looked_ns = t_ns
-        lying = self._view.lying
-        com_m = (lying or self._view.object).com_m
+        supported = self._view.supported
+        com_m = (supported or self._view.object).com_m
         known = com_m is not None and self._arm is not None and self._arm.is_used(t_ns)
         states = [load.finger.state for load in self._loads] if known else []
         wrenches = [
@@ -117,14 +117,14 @@ class MotionAdvice:
             return t_ns + LOOK_NS
         for load, wrench in zip(self._loads, wrenches, strict=True):
             part = load.update(wrench)
-        if lying is None:
-            felt = felt_at(np.array(com_m), np.array([self._row()]))[0]
+        if supported is None:
+            apparent = self._apparent_now(np.array(com_m))
         else:  # the pads carry only a part of its weight, or nothing
             carried_n = sum(
                 load.place.rotation @ wrench[:3] for load, wrench in zip(self._loads, wrenches, strict=True)
             )
-            felt = carried_n / (lying.mass_kg or math.inf)
-        self._felt = self._felt + part * (felt - self._felt)
+            apparent = carried_n / (supported.mass_kg or math.inf)
+        self._apparent = self._apparent + part * (apparent - self._apparent)
         return t_ns + LOOK_NS
 
     def limits(self, t_ns: int, width_m: float | None) -> MotionLimits:
@@ -132,7 +132,7 @@ class MotionAdvice:
         held = self._held(t_ns, width_m)
         if isinstance(held, str):
             return MotionLimits(held)
-        rest, directions = held.at(held.gravity), np.zeros((2, 3))
+        rest, directions = held.change_to(held.gravity), np.zeros((2, 3))
         found = [
             nearest_limit(pad, rest, self.safety, self.wanted_mps2, direction)
             for pad, direction in zip(held.pads, directions, strict=True)
@@ -143,30 +143,32 @@ class MotionAdvice:
         most_mps2, way = min(along[least], *(limit for limit, _ in found)), ways[least]
         fast = held.gravity - way * max(most_mps2, 1e-3)
         used, _, side, tips = self._worst(held, fast[None])
-        spun = np.concatenate((held.about(), GYRATION_M**2 * held.pads[0].turn[2]))
-        turning = min(self._scales(held, rest, np.array((spun, -spun)), MOST_TURN_RADPS2))
-        turns, now = np.empty((2, 3)), held.felt
-        for pad, gravity in zip(held.pads, turns, strict=True):
-            worst_turn(pad, held.felt, STANDARD_GRAVITY_MPS2, gravity)
-        turn_use, worst, _, _ = self._worst(held, turns)
-        if self._view.lying is None:
-            now = felt_at(held.com_m, np.array([self._row()]))[0]
+        spun = np.concatenate((held.spin_lever(), GYRATION_M**2 * held.pads[0].turn[2]))
+        now = self._apparent_now(held.com_m) if self._view.supported is None else held.apparent
+        turn_use, turned = self._worst_orientation(held)
         limit_mps2 = max(most_mps2 - ERROR_MPS2, 0.0)
-        fastest = max(self.wanted_mps2, float(np.linalg.norm(held.gravity - np.array(self._gravity.felt_mps2))))
+        fastest = max(self.wanted_mps2, float(np.linalg.norm(held.gravity - np.array(self._gravity.apparent_mps2))))
         return MotionLimits(
-            "",
-            self._loads[side].finger.name,
-            self._mode(held.pads[side], fast - held.felt, used, tips=tips),
-            unbounded(self._worst(held, now[None])[0]),
-            limit_mps2,
-            way,
-            tuple(max(limit - ERROR_MPS2, 0.0) for limit in along[2:]),
-            unbounded(turn_use),
-            turns[worst],
-            turning,
-            self._grip_needed(max(lack for _, lack in found)),
-            min(math.sqrt(limit_mps2 / fastest), 1.0),
+            finger=self._loads[side].finger.name,
+            mode=self._mode(held.pads[side], fast - held.apparent, used, tips=tips),
+            utilisation=unbounded(self._worst(held, now[None])[0]),
+            acceleration_mps2=limit_mps2,
+            worst_direction=way,
+            accelerations_mps2=tuple(max(limit - ERROR_MPS2, 0.0) for limit in along[2:]),
+            turn_utilisation=unbounded(turn_use),
+            worst_gravity_mps2=turned,
+            angular_acceleration_radps2=min(self._scales(held, rest, np.array((spun, -spun)), MOST_TURN_RADPS2)),
+            grip_needed_n=self._grip_needed(max(lack for _, lack in found)),
+            speed_scale=min(math.sqrt(limit_mps2 / fastest), 1.0),
         )
+
+    def _worst_orientation(self, held: _Held) -> tuple[float, Array]:
+        """Return the largest utilisation of a gripper at rest in any orientation, and gravity in that one."""
+        gravities = np.empty((2, 3))
+        for pad, gravity in zip(held.pads, gravities, strict=True):
+            worst_turn(pad, held.apparent, STANDARD_GRAVITY_MPS2, gravity)
+        used, worst, _, _ = self._worst(held, gravities)
+        return used, gravities[worst]
 
     def check(self, points: Array, t_ns: int, width_m: float | None) -> MotionCheck:
         """Return whether the present grip holds a motion.
@@ -180,11 +182,11 @@ class MotionAdvice:
         held = self._held(t_ns, width_m)
         if isinstance(held, str):
             return MotionCheck(held)
-        felt, gravity = felt_at(held.com_m, points[:, 1:]), np.zeros((len(points), 3))
+        apparent, gravity = gravities_at(held.com_m, points[:, 1:]), np.zeros((len(points), 3))
         begin = self._gravity_at_begin(points[0], held.gravity)
         if begin is not None:
             follow_gravity(points, begin, gravity)
-        return self._checked(held, points, felt, gravity, known=begin is not None)
+        return self._checked(held, points, apparent, gravity, known=begin is not None)
 
     def check_acceleration(self, acceleration_mps2: Sequence[float], t_ns: int, width_m: float | None) -> MotionCheck:
         """Return whether the present grip holds an acceleration in the present orientation, without a turn."""
@@ -195,41 +197,43 @@ class MotionAdvice:
         points[0, 1:4] = held.gravity - acceleration_mps2
         return self._checked(held, points, points[:, 1:4], held.gravity[None, :], known=True)
 
-    def _checked(self, held: _Held, points: Array, felt: Array, gravity: Array, *, known: bool) -> MotionCheck:
-        """Return whether a motion holds; without ``known`` gravity no time scale."""
-        at_rest = held.at(gravity)
-        rigid = np.concatenate((felt - gravity, -(GYRATION_M**2) * points[:, 7:]), axis=1)
+    def _checked(self, held: _Held, points: Array, apparent: Array, gravity: Array, *, known: bool) -> MotionCheck:
+        """Return whether a motion with this apparent gravity at the centre of mass holds; see `check` for the rest.
+
+        Without ``known`` gravity at each point, shape (n, 3), there is no time scale.
+        """
+        at_rest = held.change_to(gravity)
+        rigid = np.concatenate((apparent - gravity, -(GYRATION_M**2) * points[:, 7:]), axis=1)
         times_s, memory = np.ascontiguousarray(points[:, 0]), _memory(held.pads)
-        rest, swing = self._with_swing(held, times_s, at_rest, rigid)
-        used, at, side, tips, lack, scale = check_points(*held.pads, rest, swing, self.safety, memory)
+        rest, moving = self._with_swing(held, times_s, at_rest, rigid)
+        used, at, side, tips, lack, scale = check_points(*held.pads, rest, moving, self.safety, memory)
         if self._view.swing is not None and 0.0 < scale < 1.0:  # a slower motion swings otherwise
             slowed = self._with_swing(held, times_s / math.sqrt(scale), at_rest, scale * rigid)
             scale *= check_points(*held.pads, *slowed, self.safety, memory)[-1]
         return MotionCheck(
-            "",
-            unbounded(used),
-            float(points[at, 0]),
-            self._loads[side].finger.name,
-            self._mode(held.pads[side], rest[at, :3] + swing[at, :3], used, tips=tips),
-            self._grip_needed(lack),
-            math.sqrt(scale) if known or scale == 1.0 else None,
+            utilisation=unbounded(used),
+            at_s=float(points[at, 0]),
+            finger=self._loads[side].finger.name,
+            mode=self._mode(held.pads[side], rest[at, :3] + moving[at, :3], used, tips=tips),
+            grip_needed_n=self._grip_needed(lack),
+            time_scale=math.sqrt(scale) if known or scale == 1.0 else None,
         )
 
     def _with_swing(self, held: _Held, times_s: Array, rest: Array, rigid: Array) -> tuple[Array, Array]:
-        """Return ``rest`` and ``rigid``, the ``swing`` of a rigid grip, with that of the object."""
+        """Return rest and motion of a rigid grip, as of `check_points`, with the swing of the object added."""
         if self._view.swing is None:
             return rest, rigid
-        axis, felt = held.pads[0].turn[2], held.felt + rest[:, :3] + rigid[:, :3]
-        spin = felt @ held.about() + rigid[:, 3:] @ axis
+        axis, apparent = held.pads[0].turn[2], held.apparent + rest[:, :3] + rigid[:, :3]
+        spin = apparent @ held.spin_lever() + rigid[:, 3:] @ axis
         return with_swing(self._view.swing, times_s, spin, float(held.pads[0].mass.mean()), axis, rest, rigid)
 
     def _gravity_at_begin(self, point: Array, now: Array) -> Array | None:
         """Return gravity at the first point of a motion; None where it might point anywhere."""
-        felt, length = point[1:4], float(np.linalg.norm(point[1:4]))
+        apparent, length = point[1:4], float(np.linalg.norm(point[1:4]))
         resting = abs(length - STANDARD_GRAVITY_MPS2) <= RESTING_MPS2 and np.abs(point[4:]).max() <= RESTING_RADPS
         if resting:
-            return felt * (STANDARD_GRAVITY_MPS2 / length)
-        return now if np.abs(felt - self._gravity.felt_mps2).max() <= LIKE_NOW_MPS2 else None
+            return apparent * (STANDARD_GRAVITY_MPS2 / length)
+        return now if np.abs(apparent - self._gravity.apparent_mps2).max() <= LIKE_NOW_MPS2 else None
 
     def _held(self, t_ns: int, width_m: float | None) -> _Held | str:
         """Return both pads with what they hold; the reason for people where something is not known."""
@@ -237,7 +241,7 @@ class MotionAdvice:
             return NO_ARM
         if not self._arm.is_used(t_ns):
             return ARM_SILENT
-        gravity, own = self._gravity.gravity(), self._view.lying or self._view.object
+        gravity, own = self._gravity.gravity(), self._view.supported or self._view.object
         if gravity is None:
             return NO_GRAVITY
         first, second = (load.known(t_ns) for load in self._loads)
@@ -255,32 +259,34 @@ class MotionAdvice:
             self._loads[0].held(first, mass, com - middle, error, share, spin_share),
             self._loads[1].held(second, mass, com - middle, error, 1.0 - share, 1.0 - spin_share),
         )
-        return _Held(pads, self._felt, com, middle, np.array(gravity))
+        return _Held(pads, self._apparent, com, middle, np.array(gravity))
 
-    def _row(self) -> Array:
-        """Return gravity minus acceleration, angular velocity and angular acceleration of now, shape (9,)."""
+    def _apparent_now(self, com_m: Array) -> Array:
+        """Return the apparent gravity at a place of the gripper now, shape (3,), m/s²."""
         arm = self._gravity
-        return np.array((*arm.felt_mps2, *arm.velocity_radps, *arm.acceleration_radps2))
+        now = np.array((*arm.apparent_mps2, *arm.velocity_radps, *arm.acceleration_radps2))
+        found: Array = gravities_at(com_m, now[None])[0]
+        return found
 
-    def _scales(self, held: _Held, rest: Array, swings: Array, most: float) -> list[float]:
-        """Return the largest factor on each of ``swings``, shape (n, 6), with which the grip holds."""
-        found = np.empty(len(swings))
-        largest_scales(*held.pads, rest, swings, self.safety, most, _memory(held.pads), found)
+    def _scales(self, held: _Held, rest: Array, motions: Array, most: float) -> list[float]:
+        """Return the largest factor on each of ``motions``, shape (n, 6), with which the grip holds."""
+        found = np.empty(len(motions))
+        largest_scales(*held.pads, rest, motions, self.safety, most, _memory(held.pads), found)
         return found.tolist()
 
-    def _worst(self, held: _Held, felt: Array) -> tuple[float, int, int, bool]:
-        """Return the largest utilisation under specific forces, shape (n, 3); which has it, its pad, and if it tips."""
-        changes = held.at(felt)
+    def _worst(self, held: _Held, apparent: Array) -> tuple[float, int, int, bool]:
+        """Return the largest utilisation under apparent gravities, shape (n, 3); which, its pad, and if that tips."""
+        changes = held.change_to(apparent)
         found = check_points(*held.pads, changes, np.zeros_like(changes), self.safety, _memory(held.pads))
         return found[:4]
 
     def _mode(self, pad: HeldPad, change: Array, used: float, *, tips: bool) -> Mode:
-        """Return what would happen first on a pad whose utilisation is known, under a change of the specific force."""
+        """Return what would happen first on a pad whose utilisation is known, under a change of apparent gravity."""
         if tips:
             return "tipping"
-        felt = pad.turn @ change
-        tangential = pad.load[:2] + pad.mass.mean() * pad.shares.mean() * felt[:2]
-        normal = max(pad.normal - 0.5 * pad.mass.mean() * felt[2], 1e-9)
+        along = pad.turn @ change
+        tangential = pad.load[:2] + pad.mass.mean() * pad.shares.mean() * along[:2]
+        normal = max(pad.normal - 0.5 * pad.mass.mean() * along[2], 1e-9)
         translation = float(np.hypot(*tangential)) / (pad.mu * normal)
         return "rotation" if "rotation" in danger_reasons(unbounded(used), translation, 0.0) else "translation"
 

@@ -1,9 +1,10 @@
-"""The object in a grasp: its mass and where its centre of mass is, as both pads and what the gripper feels show.
+"""Mass and centre of mass of the object in a grasp, by the load on both pads and the motion of the gripper.
 
-Both pads together carry F = m γ + A m c and, about the origin of the gripper frame, M = m c × γ: γ is gravity minus the
-acceleration of the origin, c the centre of mass, and A = −[α]× − [ω]×[ω]× the turn of the gripper. This is linear in m
-and m c, so a Kalman filter without motion of its state is recursive least squares. The moment J α + ω × J ω of the
-inertia J is not estimated: readings of a fast turn count less instead, and those after it give c.
+Both pads together carry F = m γ + A m c and, about the origin of the gripper frame, M = m c × γ: γ is the apparent
+gravity at the origin (gravity minus acceleration), c the centre of mass, and A = −[α]× − [ω]×[ω]× the turn of the
+gripper. This is linear in m and m c, so a Kalman filter without motion of its state is recursive least squares. The
+moment J α + ω × J ω of the inertia J is not estimated: readings of a fast turn count less instead, and those after it
+give c.
 
 Zero, scale and mounting of the sensors are off by amounts that stay while the grip does. They are part of the state, so
 that the stated uncertainty contains them, and a turn, which changes the load but not them, separates both.
@@ -96,14 +97,14 @@ LIGHT = "the load is too small to weigh"
 NO_WIDTH = "the centre of mass is unknown: the width between the pads is"
 
 
-class Felt(NamedTuple):
-    """What the gripper feels at a time, in its frame.
+class GripperMotion(NamedTuple):
+    """Motion of the gripper at a time, in its frame.
 
     Attributes:
-        gravity_mps2: γ at the origin, shape (3,).
-        velocity_radps: ω, shape (3,).
-        acceleration_radps2: α, shape (3,).
-        std_mps2: Standard deviation of γ for its error of timing.
+        gravity_mps2: Apparent gravity γ at the origin, shape (3,).
+        velocity_radps: Angular velocity ω, shape (3,).
+        acceleration_radps2: Angular acceleration α, shape (3,).
+        std_mps2: Standard deviation of γ by the error of its time.
     """
 
     gravity_mps2: Array
@@ -146,13 +147,13 @@ class ObjectEstimate:
         self._covariance[:4, :4] = slope @ np.diag([mass_std**2, *np.square(known.com_std_m or ())]) @ slope.T
         self.recognised = True
 
-    def update(self, load: Array, felt: Felt, noise: Array, rise: float, lever_m: float) -> None:
+    def update(self, load: Array, motion: GripperMotion, noise: Array, rise: float, lever_m: float) -> None:
         """Learn from one reading.
 
         Args:
             load: Force on both pads and torque about the origin, shape (6,), N and N·m; NaN where the torque is not
                 known.
-            felt: What the gripper feels at its time.
+            motion: Motion of the gripper at its time.
             noise: Covariance of the noise of ``load``, shape (6, 6); that of the zero before `SCALE_STD`.
             rise: By how much the errors of scale raise the errors of the zero: 1 + `SCALE_STD` · grip / noise.
             lever_m: Distance of the pads from the origin, m.
@@ -161,8 +162,8 @@ class ObjectEstimate:
             self._covariance[4:, 4:] = noise
             self._begun = True
         known = np.isfinite(load)
-        rows = self._rows(felt, rise)[known]
-        expected = noise + np.diag(self._model_variance(load, felt))
+        rows = self._rows(motion, rise)[known]
+        expected = noise + np.diag(self._model_variance(load, motion))
         error = load[known] - rows @ self._mean
         spread = rows @ self._covariance @ rows.T + expected[np.ix_(known, known)]
         inverse = np.linalg.inv(spread)
@@ -176,30 +177,30 @@ class ObjectEstimate:
         self._mean = self._mean + gain @ error
         kept = np.eye(10) - gain @ rows
         self._covariance = kept @ self._covariance @ kept.T + gain @ expected[np.ix_(known, known)] @ gain.T
-        self._least = np.minimum(self._least, felt.gravity_mps2)
-        self._most = np.maximum(self._most, felt.gravity_mps2)
+        self._least = np.minimum(self._least, motion.gravity_mps2)
+        self._most = np.maximum(self._most, motion.gravity_mps2)
         self.state = self._summary(placed=bool(known[3]), lever_m=lever_m)
 
-    def expected(self, felt: Felt) -> Array:
+    def expected(self, motion: GripperMotion) -> Array:
         """Return the load of the object without the errors of the sensors, as that of `update`, shape (6,)."""
-        load: Array = self._rows(felt, 1.0)[:, :4] @ self._mean[:4]
+        load: Array = self._rows(motion, 1.0)[:, :4] @ self._mean[:4]
         return load
 
-    def _rows(self, felt: Felt, rise: float) -> Array:
+    def _rows(self, motion: GripperMotion, rise: float) -> Array:
         """Return how the load depends on m, m c and the errors of zero and scale, shape (6, 10)."""
         rows = np.zeros((6, 10))
-        turn = cross_matrix(felt.velocity_radps)
-        rows[:3, 0] = felt.gravity_mps2
-        rows[:3, 1:4] = -cross_matrix(felt.acceleration_radps2) - turn @ turn
-        rows[3:, 1:4] = -cross_matrix(felt.gravity_mps2)
+        turn = cross_matrix(motion.velocity_radps)
+        rows[:3, 0] = motion.gravity_mps2
+        rows[:3, 1:4] = -cross_matrix(motion.acceleration_radps2) - turn @ turn
+        rows[3:, 1:4] = -cross_matrix(motion.gravity_mps2)
         rows[:, 4:] = rise * np.eye(6)
         return rows
 
-    def _model_variance(self, load: Array, felt: Felt) -> Array:
+    def _model_variance(self, load: Array, motion: GripperMotion) -> Array:
         """Return the variance of what the model leaves out: soft pads, timing, inertia; shape (6,)."""
-        mass_kg = float(np.linalg.norm(load[:3])) / max(float(np.linalg.norm(felt.gravity_mps2)), 1.0)
-        force = (MODEL_STD * float(np.linalg.norm(load[:3]))) ** 2 + (mass_kg * felt.std_mps2) ** 2
-        fast = float(np.linalg.norm(felt.acceleration_radps2) + felt.velocity_radps @ felt.velocity_radps)
+        mass_kg = float(np.linalg.norm(load[:3])) / max(float(np.linalg.norm(motion.gravity_mps2)), 1.0)
+        force = (MODEL_STD * float(np.linalg.norm(load[:3]))) ** 2 + (mass_kg * motion.std_mps2) ** 2
+        fast = float(np.linalg.norm(motion.acceleration_radps2) + motion.velocity_radps @ motion.velocity_radps)
         torque = LEVER_M**2 * force + (mass_kg * LEVER_M**2 * fast) ** 2
         return CORRELATED * np.repeat((force, torque), 3)
 

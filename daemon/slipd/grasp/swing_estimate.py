@@ -74,16 +74,16 @@ def spin_about(middle_m: Array, axis: Array, load: Array) -> float:
 def with_swing(
     swing: Swing, times_s: Array, spin: Array, mass_kg: float, axis: Array, rest: Array, rigid: Array
 ) -> tuple[Array, Array]:
-    """Return changes of what a rigid grip feels with the swing of the object.
+    """Return rest and motion of a rigid grip with the swing of the object added.
 
     Args:
         swing: The swing.
         times_s: Times of the points, shape (n,).
-        spin: Spin of a rigid grip at each, for a kg, along ``axis``.
+        spin: Spin of a rigid grip at each with an object of 1 kg, along ``axis``.
         mass_kg: Mass of the object.
         axis: Direction of the line through both pads, shape (3,).
         rest: As of `slipd.fusion.motion_scale.check_points`, shape (n, 6).
-        rigid: Its ``swing`` of a rigid grip, shape (n, 6).
+        rigid: Its ``motion`` of a rigid grip, shape (n, 6).
     """
     excess, rest, swung = np.empty((2, spin.size)), rest.copy(), rigid.copy()
     swing_excess(times_s, spin, swing.rate_radps, swing.spin_nm / mass_kg, excess)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slipd.types.arrays import Array, flushed
+from slipd.types.arrays import Array, cross_matrix, flushed
 from slipd_client.quaternions import cross
 
 STANDARD_GRAVITY_MPS2 = 9.80665
@@ -54,6 +54,19 @@ def gravity_at(
     along = (0.0, 0.0, 0.0) if acceleration_radps2 is None else cross(acceleration_radps2, place_m)
     x, y, z = (g - a - b for g, a, b in zip(gravity_mps2, along, inward, strict=True))
     return x, y, z
+
+
+def gravities_at(place_m: Array, motions: Array) -> Array:
+    """Return the result of `gravity_at` for several motions, shape (n, 3), m/s².
+
+    Args:
+        place_m: Place r, from the origin, shape (3,), m.
+        motions: Apparent gravity at the origin, ω and α of each, shape (n, 9).
+    """
+    turning, crossed = motions[:, 3:6], cross_matrix(place_m)  # α @ crossed is α × r
+    inward = turning * (turning @ place_m)[:, None] - np.outer((turning**2).sum(axis=1), place_m)
+    found: Array = motions[:, :3] - motions[:, 6:9] @ crossed - inward
+    return found
 
 
 @dataclass(frozen=True, slots=True)

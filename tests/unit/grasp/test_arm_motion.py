@@ -151,13 +151,13 @@ STRONG = 14.0
 @pytest.mark.parametrize(
     ("stream", "slips"),
     [
-        (lambda felt_mps2, lifted: felt_mps2, False),
-        (lambda felt_mps2, lifted: -felt_mps2, False),
-        (lambda felt_mps2, lifted: felt_mps2 if felt_mps2 < STRONG and not lifted else STRONG, True),
-        (lambda felt_mps2, lifted: felt_mps2 / 9.80665, True),
-        (lambda felt_mps2, lifted: 1.1 * felt_mps2, True),
-        (lambda felt_mps2, lifted: None if lifted else felt_mps2, True),
-        (lambda felt_mps2, lifted: None, True),
+        (lambda apparent_mps2, lifted: apparent_mps2, False),
+        (lambda apparent_mps2, lifted: -apparent_mps2, False),
+        (lambda apparent_mps2, lifted: apparent_mps2 if apparent_mps2 < STRONG and not lifted else STRONG, True),
+        (lambda apparent_mps2, lifted: apparent_mps2 / 9.80665, True),
+        (lambda apparent_mps2, lifted: 1.1 * apparent_mps2, True),
+        (lambda apparent_mps2, lifted: None if lifted else apparent_mps2, True),
+        (lambda apparent_mps2, lifted: None, True),
     ],
     ids=["braking", "wrong sign", "object slides", "in g", "10 % more", "lost", "no stream"],
 )
@@ -168,9 +168,9 @@ def test_a_load_that_falls_because_the_arm_brakes_is_no_slip(
     run, rng = ArmRun(LEFT + RIGHT + grasp_table() + ARM), np.random.default_rng(1)
     pad = Rotation.from_quat(PADS["left"].quat_xyzw)
     course = line((9.80665, 9.80665, 1100), (9.80665, STRONG, 100), (STRONG, 10.5, 15), (10.5, 10.5, 100))
-    for k, felt_mps2 in enumerate(course):
-        if k % 4 == 0 and (sent := stream(felt_mps2, k >= 1200)) is not None:
+    for k, apparent_mps2 in enumerate(course):
+        if k % 4 == 0 and (sent := stream(apparent_mps2, k >= 1200)) is not None:
             run.carry(pad.apply((sent, 0.0, 0.0)))
-        run.wrench(10.0 + rng.normal(0.0, 0.01), (0.35 * felt_mps2 + rng.normal(0.0, 0.01), 0.0))
+        run.wrench(10.0 + rng.normal(0.0, 0.01), (0.35 * apparent_mps2 + rng.normal(0.0, 0.01), 0.0))
         run.tick()
     assert ("slipping" in {body["level"] for body in run.published("slip.left")}) is slips

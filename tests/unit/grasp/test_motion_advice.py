@@ -14,7 +14,7 @@ from motion_grips import COLS, GRAVITY_MPS2, ROWS, Advised, Grip, random_grip, t
 from slipd.finger.verdict import PAD_FREE, STREAM_STALE, Verdict
 from slipd.friction.friction_state import FrictionState
 from slipd.fusion.streaming import new_readings
-from slipd.grasp.arm_history import ERROR_MPS2, ArmGravity
+from slipd.grasp.arm_gravity import ERROR_MPS2, ArmGravity
 from slipd.grasp.motion_advice import ARM_SILENT, GYRATION_M, NO_ARM, NO_GRAVITY
 from slipd.grasp.motion_answers import MotionCheck, MotionLimits
 from slipd.grasp.object_estimate import NOT_MOVED, NOTHING_HELD, ObjectState, unknown_object
@@ -63,7 +63,7 @@ def test_a_turn_is_limited_by_the_inertia_and_by_the_lever_of_the_object() -> No
 @pytest.mark.parametrize("carried", [0.0, 0.4])
 def test_a_known_object_that_still_stands_on_a_table_is_advised_as_if_it_were_lifted(carried: float) -> None:
     lifted, advised = Advised(firm(0.4)), Advised(firm(0.4))
-    advised.view.object, advised.view.lying = unknown_object(NOT_MOVED), advised.own
+    advised.view.object, advised.view.supported = unknown_object(NOT_MOVED), advised.own
     for _ in range(40):
         advised.feel(DOWN, STILL, carried=carried)
     limits = advised.limits()
@@ -261,7 +261,7 @@ def test_gravity_is_known_after_a_second_and_survives_a_turn_while_the_arm_speed
 def test_a_reading_that_is_not_finite_does_not_spoil_gravity() -> None:
     gravity, still = ArmGravity(), (0.0, 0.0, 0.0)
     for step in range(150):
-        felt, status = ((math.nan,) * 3, ("invalid",)) if step == 120 else ((0.0, 0.0, -GRAVITY_MPS2), ())
-        gravity.update(ArmSample(0, 0, felt, still, None, status, ""), step * 10_000_000)
+        apparent, status = ((math.nan,) * 3, ("invalid",)) if step == 120 else ((0.0, 0.0, -GRAVITY_MPS2), ())
+        gravity.update(ArmSample(0, 0, apparent, still, None, status, ""), step * 10_000_000)
     assert gravity.gravity() == pytest.approx((0.0, 0.0, -GRAVITY_MPS2), abs=1e-3)
-    assert gravity.felt_mps2 == (0.0, 0.0, -GRAVITY_MPS2)
+    assert gravity.apparent_mps2 == (0.0, 0.0, -GRAVITY_MPS2)

@@ -8,8 +8,8 @@ from nanoseconds import MS
 from scipy.spatial.transform import Rotation
 
 from slipd.grasp import object_estimate
-from slipd.grasp.arm_history import KEPT_NS, MOST_GAP_NS, MotionHistory
-from slipd.grasp.object_estimate import Felt, ObjectEstimate, ObjectState, gripped_again
+from slipd.grasp.motion_history import KEPT_NS, MOST_GAP_NS, MotionHistory
+from slipd.grasp.object_estimate import GripperMotion, ObjectEstimate, ObjectState, gripped_again
 from slipd.types.samples import ArmSample
 
 NOISE = np.diag((0.03**2,) * 3 + (0.001**2,) * 3)
@@ -24,7 +24,7 @@ def load_of(gravity: np.ndarray, mass_kg: float = 0.5) -> np.ndarray:
 
 def learn(estimate: ObjectEstimate, load: np.ndarray, gravity: np.ndarray, times: int = 1) -> None:
     for _ in range(times):
-        estimate.update(load, Felt(gravity, STILL, STILL, 0.0), NOISE, 2.0, 0.04)
+        estimate.update(load, GripperMotion(gravity, STILL, STILL, 0.0), NOISE, 2.0, 0.04)
 
 
 def lifted() -> ObjectEstimate:
@@ -57,11 +57,11 @@ def test_truth_is_within_two_deviations_after_a_lift_and_a_turn() -> None:
 
 def test_turn_of_the_gripper_adds_the_pull_and_the_tangential_part_at_the_centre_of_mass() -> None:
     omega, alpha, estimate = np.array((0.0, 3.0, 1.0)), np.array((2.0, 0.0, -4.0)), lifted()
-    felt = DOWN - np.cross(alpha, COM_M) - np.cross(omega, np.cross(omega, COM_M))
-    load = 0.5 * np.concatenate((felt, np.cross(COM_M, DOWN)))
+    apparent = DOWN - np.cross(alpha, COM_M) - np.cross(omega, np.cross(omega, COM_M))
+    load = 0.5 * np.concatenate((apparent, np.cross(COM_M, DOWN)))
     turn = Rotation.from_rotvec((1.2, 0.0, 0.0)).apply(DOWN)
     learn(estimate, load_of(turn), turn, 20)
-    predicted = estimate._rows(Felt(DOWN, omega, alpha, 0.0), 0.0) @ estimate._mean
+    predicted = estimate._rows(GripperMotion(DOWN, omega, alpha, 0.0), 0.0) @ estimate._mean
     assert predicted == pytest.approx(load, abs=0.03)
 
 
@@ -69,7 +69,7 @@ NO_TORQUE = np.array((1.0, 1.0, 1.0, np.nan, np.nan, np.nan))
 
 
 @pytest.mark.parametrize(
-    ("felt", "mass_kg", "unknown"),
+    ("readings", "mass_kg", "unknown"),
     [
         ([(load_of(DOWN, 0.3), DOWN)] * 20, None, object_estimate.NOT_MOVED),
         ([(load_of(up, 0.001), up) for up in (DOWN, -DOWN) for _ in range(5)], None, object_estimate.LIGHT),
@@ -77,10 +77,10 @@ NO_TORQUE = np.array((1.0, 1.0, 1.0, np.nan, np.nan, np.nan))
     ],
 )
 def test_what_is_not_known_of_an_object_is_named(
-    felt: list[tuple[np.ndarray, np.ndarray]], mass_kg: float | None, unknown: str
+    readings: list[tuple[np.ndarray, np.ndarray]], mass_kg: float | None, unknown: str
 ) -> None:
     estimate = ObjectEstimate()
-    for load, gravity in felt:
+    for load, gravity in readings:
         learn(estimate, load, gravity)
     found = estimate.state
     mass = None if mass_kg is None else pytest.approx(mass_kg, rel=0.05)
@@ -128,17 +128,17 @@ def filled(turning: tuple[float, ...] | None = None, readings: int = 51) -> Moti
 def test_motion_is_interpolated_and_its_turn_differentiated_where_it_is_not_reported(
     turning: tuple[float, ...] | None, expected: tuple[float, ...]
 ) -> None:
-    felt = filled(turning).felt(1101 * MS)
-    assert felt.gravity_mps2 == pytest.approx((101.0, 0.0, 9.81))
-    assert felt.velocity_radps == pytest.approx((0.0, 0.0, 202.0))
-    assert felt.acceleration_radps2 == pytest.approx(expected)
-    assert felt.std_mps2 == pytest.approx(4.0), "an error of 4 ms"
+    motion = filled(turning).motion(1101 * MS)
+    assert motion.gravity_mps2 == pytest.approx((101.0, 0.0, 9.81))
+    assert motion.velocity_radps == pytest.approx((0.0, 0.0, 202.0))
+    assert motion.acceleration_radps2 == pytest.approx(expected)
+    assert motion.std_mps2 == pytest.approx(4.0), "an error of 4 ms"
 
 
 def test_motion_is_unknown_outside_and_in_gaps() -> None:
     history = filled()
     assert history.newest_ns == 1200 * MS
-    assert (history.gravity(999 * MS), history.gravity(1201 * MS), history.felt(1190 * MS)) == (None, None, None)
+    assert (history.gravity(999 * MS), history.gravity(1201 * MS), history.motion(1190 * MS)) == (None, None, None)
     assert history.gravity(1200 * MS) == pytest.approx((200.0, 0.0, 9.81))
     history.add(ArmSample(0, None, (0.0, 0.0, 9.81), (0.0, 0.0, 0.0)), 1200 * MS + MOST_GAP_NS + 1)
     assert history.gravity(1210 * MS) is None

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from slipd.motion.evidence import Evidence
-from slipd.motion.object_motion import OutsideMotion
+from slipd.motion.outside_motion import OutsideMotion
 from slipd.types.samples import ObjectSample
 
 RATE_HZ, T0 = 30.0, 10**11

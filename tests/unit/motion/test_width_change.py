@@ -9,7 +9,7 @@ import pytest
 from chirps import chirp
 
 from slipd.motion.evidence import Evidence, f_surprise
-from slipd.motion.object_motion import REFERENCE, WidthChange
+from slipd.motion.width_change import REFERENCE, WidthChange
 
 STEP_M = 0.085 / 255
 PERIOD_NS = 20_000_000
