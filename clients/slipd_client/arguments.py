@@ -8,6 +8,7 @@ import ipaddress
 import math
 import re
 import socket
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
@@ -101,6 +102,7 @@ class CommandParser(argparse.ArgumentParser):
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Put the default before arguments that begin with no command and no option; refuse surplus ones itself."""
+        args = sys.argv[1:] if args is None else args
         known = not args or args[0].startswith("-") or args[0] in self.names
         if self.now and not (known and self.names):
             self.exit(2, f"{self.now}\n")

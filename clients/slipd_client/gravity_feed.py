@@ -172,8 +172,10 @@ class _NewLines:
     def __init__(self, source: str) -> None:
         try:
             self._fd = os.dup(sys.stdin.fileno()) if source == "-" else os.open(Path(source).expanduser(), os.O_RDONLY)
+            os.read(self._fd, 0)  # fails for a folder
         except (OSError, ValueError) as error:
-            raise CallError(f"--follow must name a file or pipe that can be read, got {source!r}: {error}") from None
+            why = getattr(error, "strerror", None) or error
+            raise CallError(f"--follow must name a file or pipe that can be read, got {source!r}: {why}") from None
         self._grows = stat.S_ISREG(os.fstat(self._fd).st_mode)
         self._part = b""
         self.ended = False

@@ -23,6 +23,9 @@ from slipd.types.device_text import printable_lines
 DONE, NO, WRONG, INTERRUPTED = 0, 1, 2, 130
 """Exit codes, those of ``slipctl`` too; docs/commands.md explains them."""
 
+WRONG_PLACES = (FileNotFoundError, FileExistsError, IsADirectoryError)
+"""Causes of an error that are wrong use: a file is missing, a place is taken, or a folder was named."""
+
 ENDED_IN_ORDER = ("run", "demo")
 """Commands that Ctrl-C ends in good order: recordings are closed, and the demo prints its summary."""
 
@@ -119,7 +122,7 @@ def _exit_code(arguments: argparse.Namespace) -> int:
         return WRONG
     except SlipdError as error:
         print(f"slipd: {printable_lines(str(error))}", file=sys.stderr)
-        is_wrong_use = isinstance(error, UsageError) or isinstance(error.__cause__, FileNotFoundError)
+        is_wrong_use = isinstance(error, UsageError) or isinstance(error.__cause__, WRONG_PLACES)
         return WRONG if is_wrong_use else NO
     except KeyboardInterrupt:
         if arguments.command in ENDED_IN_ORDER:

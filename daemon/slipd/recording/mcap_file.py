@@ -98,9 +98,9 @@ def check_new(path: Path) -> None:
     if path.is_char_device():
         return
     if os.path.lexists(path):
-        raise RecordingError(f"{path}: exists already; give the name of a new file")
+        raise RecordingError(f"{path}: exists already; give the name of a new file") from FileExistsError()
     if not path.parent.is_dir():
-        raise RecordingError(f"{path}: cannot be created: there is no folder {path.parent}")
+        raise RecordingError(f"{path}: cannot be created: there is no folder {path.parent}") from FileNotFoundError()
     if os.statvfs(path.parent).f_flag & os.ST_RDONLY:
         raise RecordingError(f"{path}: cannot be created: {os.strerror(errno.EROFS)}")
     if not os.access(path.parent, os.W_OK | os.X_OK):

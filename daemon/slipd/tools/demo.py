@@ -24,7 +24,8 @@ from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import IO, Any, cast
 
-from slipd.errors import SlipdError
+from slipd.errors import SlipdError, UsageError
+from slipd.recording.mcap_file import check_new
 from slipd.tools.demo_summary import Tally, print_summary
 from slipd.tools.shipped_files import shipped_config
 from slipd.tools.sim.carry import CarryProgram, carry_config
@@ -51,7 +52,15 @@ def run_demo(
 
     Returns:
         Whether the scene ran and the daemon ended in good order.
+
+    Raises:
+        UsageError: The options do not go together.
+        RecordingError: The recording cannot be created.
     """
+    if without_advice and scene != "carry":
+        raise UsageError("--without-advice is for --scene carry")
+    if record is not None:
+        check_new(record)
     stays = seconds is None and not headless
     with tempfile.TemporaryDirectory(prefix="slipd-demo-") as name, _ended_by_signals(), ExitStack() as page:
         _compile_kernels()

@@ -9,7 +9,7 @@ import os
 import sys
 from pathlib import Path
 
-from slipd.errors import SlipdError
+from slipd.errors import SlipdError, UsageError
 from slipd.io.replaced_file import replace_file
 from slipd.tools.shipped_files import own_program, start_line, system_file, with_program
 
@@ -46,8 +46,11 @@ def install(root: Path, program: Path | None = None, *, system: bool) -> None:
     Raises:
         SlipdError: A file cannot be written, the existing unit is not slipd's, systemd could not start the program, or
             the service of one user is to be written below a root.
+        UsageError: There is no such program.
     """
     program = program or own_program()
+    if root == Path("/") and not program.exists():
+        raise UsageError(f"{program}: there is no such program; name the installed slipd with --program")
     hidden = [program.resolve(), Path(sys.executable).resolve()] if root == Path("/") else []
     if system and (homes := [str(path) for path in hidden if str(path).startswith(HOMES)]):
         raise SlipdError(f"{homes[0]}: the service of all users cannot run a program of one user's home")
@@ -83,8 +86,10 @@ def uninstall(root: Path, program: Path | None = None, *, system: bool) -> None:
     """
     unit = _unit(root, system=system)
     try:
-        if f"\n{start_line(program or own_program())} " in _text(unit):
+        if f"\n{start_line(program or own_program())} " in (there := _text(unit)):
             _remove(unit)
+        elif there:
+            print(f"kept, because it starts another program: {unit}")
         for path, text in _others(root, system=system).items():
             if _text(path) == text:
                 _remove(path)

@@ -60,7 +60,7 @@ ENVELOPE = {"v", "id", "op", "boot", "deadline_ns", "arrived_ns"}
         ),
         (["gravity", "left", "1", "2", "inf"], "must be finite"),
         (["gravity", "left", "0", "0", "1", "--hold", "-1"], "--hold"),
-        (["gravity", "left", "--follow", "/nowhere"], "--follow must name a file or pipe that can be read"),
+        (["gravity", "left", "--follow", "/"], "a file or pipe that can be read, got '/': Is a directory\n"),
         (["serve", "foxglove", "--listen", "8765"], "argument --listen: must be HOST:PORT, e.g. 127.0.0.1:"),
         (["serve", "foxglove", "--listen", "localhost:99999"], "must be HOST:PORT"),
         (["serve", "foxglove", "--config", "/nowhere/rig.toml"], "/nowhere/rig.toml: cannot be read: No such file"),

@@ -14,7 +14,7 @@ from typing import Any, cast
 from slipd import __version__
 from slipd.config import transport_of
 from slipd.devices import Device, Session, find_device
-from slipd.errors import SlipdError
+from slipd.errors import SlipdError, UsageError
 from slipd.events import Bytes, Event, HostNotice, LinkDown, LinkSpec, LinkUp
 from slipd.io.transport import Links
 from slipd.tools.discovery.capture import SUFFIX, Capture, Piece, read_capture
@@ -49,8 +49,8 @@ def doctor(
         Whether nothing is wrong.
 
     Raises:
-        SlipdError: The device is unknown or not named, an option is wrong, or the port cannot be opened; or the
-            capture is none, or its device is not installed.
+        UsageError: The device is unknown or not named, or an option is wrong.
+        SlipdError: The port cannot be opened; or the capture is none, or its device is not installed.
     """
     again = port.endswith(SUFFIX)
     capture = _earlier(Path(port)) if again else _captured(port, name, seconds, baud, options)
@@ -77,14 +77,14 @@ def _earlier(path: Path) -> Capture:
 def _captured(port: str, name: str | None, seconds: float, baud: int | None, options: str) -> Capture:
     """Read a device; errors are those of `doctor`."""
     if name is None:
-        raise SlipdError("--device is missing: give the name of the device, as `slipd devices` lists it")
+        raise UsageError("--device is missing: give the name of the device, as `slipd devices` lists it")
     found = find_device(name)
     if found is None or found.device is None:
         why = f"cannot be used: {found.fault}" if found is not None else "is not installed; see `slipd devices`"
-        raise SlipdError(f"the device {name!r} {why}")
+        raise UsageError(f"the device {name!r} {why}")
     device, transport = found.device, transport_of(port)
     if transport not in device.transports:
-        raise SlipdError(f"{name} has a line of kind {' or '.join(device.transports)}, got {port}")
+        raise UsageError(f"PORT must be the {' or '.join(device.transports)} line of {name}, got {port}")
     given = json.loads(json.dumps(question_options(device, transport) | _parsed(options)))  # as they are read back
     capture = Capture(
         name, f"{found.package} {found.version}", transport, (baud or device.baud or 0) if transport == "serial" else 0,
@@ -117,7 +117,7 @@ def _parsed(options: str) -> dict[str, Any]:
     try:
         parsed: dict[str, Any] = tomllib.loads(f"options = {{ {options} }}")["options"]
     except tomllib.TOMLDecodeError as error:
-        raise SlipdError(f"--options must be keys and values as in a config, got {options!r}: {error}") from None
+        raise UsageError(f"--options must be keys and values as in a config, got {options!r}: {error}") from None
     return parsed
 
 

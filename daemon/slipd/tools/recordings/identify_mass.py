@@ -18,7 +18,7 @@ import numpy as np
 
 from slipd.config import Config, Wrench, device_options
 from slipd.devices import DEVICES
-from slipd.errors import RecordingError
+from slipd.errors import RecordingError, UsageError
 from slipd.events import Bytes, LinkDown, LinkUp, Request
 from slipd.recording.reader import Recording, open_recording
 from slipd.signals.gravity import FRESH_NS, STANDARD_GRAVITY_MPS2, gravity_fault
@@ -60,14 +60,15 @@ def identify_recording(path: Path, finger: str) -> Identification:
 
     Raises:
         ConfigError: The recorded config has faults (for this version of slipd).
-        RecordingError: The file cannot be read, has no such sensor, or its poses do not determine the mass.
+        UsageError: It has no such sensor.
+        RecordingError: The file cannot be read, or its poses do not determine the mass.
     """
     recording = open_recording(path)
     settings = recording.settings()
     wanted = settings.finger.get(finger)
     if wanted is None or wanted.wrench is None:
         known = ", ".join(name for name, other in settings.finger.items() if other.wrench is not None) or "none"
-        raise RecordingError(f"{path}: --finger must be a finger with a force sensor, got {finger!r}; known: {known}")
+        raise UsageError(f"{path}: --finger must be a finger with a force sensor, got {finger!r}; known: {known}")
     poses, unused = _poses(_timed(recording, settings, finger, wanted.wrench), wanted.wrench)
     try:
         return identify(poses[:, :3], poses[:, 3:6], poses[:, 6:])

@@ -82,8 +82,10 @@ def _script_lines(script: Path | None, rig: config.Config) -> list[str]:
         return []
     try:
         lines = script.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise SlipdError(f"{script}: cannot be read: {error}") from None
+    except OSError as error:
+        raise UsageError(f"{script}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise UsageError(f"{script}: cannot be read: it is not UTF-8 text") from None
     for number, line in enumerate(lines, start=1):
         try:
             for part in line.partition("#")[0].split(";"):

@@ -98,7 +98,7 @@ def test_a_silent_port_an_absent_one_and_one_that_is_unplugged(
     [
         ({"name": None}, "--device is missing: give the name of the device"),
         ({"name": "botta"}, "the device 'botta' is not installed; see `slipd devices`"),
-        ({"port": "udp://a:1"}, "bota has a line of kind serial, got udp://a:1"),
+        ({"port": "udp://a:1"}, "PORT must be the serial line of bota, got udp://a:1"),
         ({"arguments": ("--options", "sinc_length = 3")}, "--options: sinc_length must be an integer from 64"),
         (
             {"arguments": ("--options", "sinc_length")},

@@ -15,7 +15,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from slipd.devices import bota
-from slipd.errors import RecordingError
+from slipd.errors import RecordingError, UsageError
 from slipd.events import Bytes, Event, LinkDown, LinkUp, Request, Tick
 from slipd.recording.mcap_file import EVENTS, RecordingFile
 from slipd.signals.gravity import STANDARD_GRAVITY_MPS2, FingerWeight
@@ -155,5 +155,5 @@ def test_N1_other_requests_invalid_gravity_and_readings_that_are_no_numbers_are_
 
 @pytest.mark.parametrize("finger", ["right", "middle"])
 def test_a_finger_without_a_force_sensor_has_nothing_to_identify(tmp_path: Path, finger: str) -> None:
-    with pytest.raises(RecordingError, match=f"must be a finger with a force sensor, got '{finger}'; known: left"):
+    with pytest.raises(UsageError, match=f"must be a finger with a force sensor, got '{finger}'; known: left"):
         Session().identify(tmp_path, finger)
