@@ -15,7 +15,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from slipd.devices import bota
-from slipd.errors import RecordingError, UsageError
+from slipd.errors import UsageError
 from slipd.events import Bytes, Event, LinkDown, LinkUp, Request, Tick
 from slipd.recording.mcap_file import EVENTS, RecordingFile
 from slipd.signals.gravity import STANDARD_GRAVITY_MPS2, FingerWeight
