@@ -113,7 +113,7 @@ def quantity(body: dict[str, Any], field: str, unit: str, digits: int) -> str:
     if value is None:
         return UNKNOWN
     magnitude = math.hypot(*value) if isinstance(value, list) else value
-    return f"{magnitude:.{digits}f} {unit}".rstrip()
+    return f"{round(magnitude, digits) + 0.0:.{digits}f} {unit}".rstrip()  # + 0.0: no "-0.0"
 
 
 def place(body: dict[str, Any], field: str, name: str) -> str:

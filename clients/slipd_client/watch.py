@@ -11,6 +11,7 @@ import textwrap
 import time
 from typing import TYPE_CHECKING
 
+from slipd_client.errors import Silence
 from slipd_client.live_view import LiveView, change_line
 from slipd_client.live_view_parts import plain
 from slipd_client.messages import GRIPPER_TOPIC, STATUS_TOPIC, WARNING_TOPIC
@@ -39,13 +40,16 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
     """Carry out the command until interrupted; with ``--once`` it ends with the last message of each topic.
 
     Raises:
-        Silence: No message came within ``FIRST_S``.
+        Silence: No message came within ``FIRST_S``; with ``--once``, none of the topics.
         CallError: The endpoint is not one of ZeroMQ, or no topic begins like one that is named.
     """
     as_json = chosen.json or bool(chosen.topic)
     shown = (chosen.topic or ("",)) if as_json else TOPICS
     with Subscriber(chosen.publish, shown, keys=keys, silence_s=FIRST_S) as subscriber:
-        first = next(iter(subscriber))
+        first = subscriber.receive(FIRST_S) if chosen.once else next(iter(subscriber))
+        if first is None:
+            subscriber.check_silence()
+            raise Silence(f"no message of {', '.join(shown)} for {FIRST_S:g} s; slipctl status lists the fingers")
         if chosen.once:
             _show_once(_gather(subscriber, first), as_json)
         elif as_json:

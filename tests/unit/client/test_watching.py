@@ -16,6 +16,7 @@ from client_peers import PATIENCE_S, Publisher, until
 from terminals import PseudoTerminal
 
 from slipd_client import watch as module
+from slipd_client.errors import Silence
 from slipd_client.messages.codec import typed_message
 from slipd_client.messages.schema.topics import Message
 from slipd_client.slipctl_parser import parser
@@ -35,6 +36,9 @@ class Heard:
 
     def receive(self, timeout_s: float) -> Message | None:
         return next(self._left, None)
+
+    def check_silence(self) -> None:
+        """The daemon is well."""
 
 
 def test_once_shows_the_last_message_of_every_topic(
@@ -59,6 +63,9 @@ def test_once_shows_the_last_message_of_every_topic(
         ("slip.right", None, None),
         ("wrench.left", None, [0.0, 0.0, 1.5]),
     ]
+    monkeypatch.setattr(module, "Subscriber", lambda *_, **__: nullcontext(Heard([])))
+    with pytest.raises(Silence, match="no message of wrench.middle for 3 s; slipctl status lists the fingers"):
+        module.run(parser().parse_args(["watch", "--once", "--topic", "wrench.middle"]), None)
 
 
 def test_into_a_pipe_goes_each_change_and_ctrl_c_ends_it_cleanly(publisher: Publisher, slipctl: Start) -> None:
