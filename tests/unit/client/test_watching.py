@@ -64,7 +64,7 @@ def test_once_shows_the_last_message_of_every_topic(
         ("wrench.left", None, [0.0, 0.0, 1.5]),
     ]
     monkeypatch.setattr(module, "Subscriber", lambda *_, **__: nullcontext(Heard([])))
-    with pytest.raises(Silence, match="no message of wrench.middle for 3 s; slipctl status lists the fingers"):
+    with pytest.raises(Silence, match=r"no message of wrench.middle for 3 s; slipctl status lists the fingers"):
         module.run(parser().parse_args(["watch", "--once", "--topic", "wrench.middle"]), None)
 
 
