@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from slipd.devices import Device
 from slipd.events import LinkSpec
+from slipd.finger.stream_health import Condition
 from slipd.links.device_link import FLOOD_FACTOR, DeviceLink
 from slipd.links.stream_meter import RATE_TOLERANCE, StreamMeter
 from slipd_client.messages import Health
@@ -13,8 +14,6 @@ SHOWN_NS = 1_000_000_000
 """A flood, an error in decoding, or a time of another clock is reported for this long after it came last."""
 SILENT_NS = 1_000_000_000
 """A longer silence of a stream is explained; bytes count as arriving for this long."""
-
-Condition = tuple[Health, str]
 
 
 def link_condition(

@@ -12,10 +12,10 @@ from slipd.events import Body, HostNotice, IncidentsChanged, Output, RecordingCh
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
-from slipd.finger.stream_health import finger_conditions
+from slipd.finger.stream_health import Condition, finger_conditions
 from slipd.gripper.gripper_control import GripperControl
 from slipd.links.device_link import DeviceLink
-from slipd.links.link_health import Condition, link_condition
+from slipd.links.link_health import link_condition
 from slipd.links.stream_meter import StreamMeter
 from slipd.publish.finger_messages import friction_setter_body, tare_body
 from slipd.publish.grasp_messages import gripper_body, lease_body

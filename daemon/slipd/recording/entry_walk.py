@@ -44,9 +44,6 @@ class Entry(NamedTuple):
     content: Event | bytes
 
 
-Item = tuple[int, int, str, Event | bytes]
-"""What an `Entry` has, as it is read."""
-
 _UNDECODED = Tick()
 """Stands for any event where events are not decoded."""
 
@@ -77,7 +74,7 @@ class EntryWalk:
         self._schemas = 0
         self._unpacked_bytes = 0
 
-    def items(self, record: McapRecord) -> Iterator[Item]:
+    def items(self, record: McapRecord) -> Iterator[Entry]:
         """Yield the entries of a record.
 
         Raises:
@@ -88,7 +85,7 @@ class EntryWalk:
         elif isinstance(record, Metadata) and record.name == mcap_file.END:
             self._end(record)
 
-    def _chunk(self, chunk: Chunk) -> Iterator[Item]:
+    def _chunk(self, chunk: Chunk) -> Iterator[Entry]:
         self._unpacked_bytes += chunk.uncompressed_size
         if self._unpacked_bytes > max(_UNPACKED_BYTES, _UNPACKED_RATIO * self.file_bytes):
             raise DamageError(
@@ -113,7 +110,7 @@ class EntryWalk:
             if n != self.next_n:
                 self._skip_to(n)
             self.next_n = n + 1
-            yield n, t_ns, topic, content
+            yield Entry(n, t_ns, topic, content)
 
     def _describe(self, opcode: int, body: bytes) -> None:
         """Note a channel; a schema holds nothing that is needed."""

@@ -20,7 +20,7 @@ from slipd.config import Config, parse
 from slipd.errors import RecordingError
 from slipd.events import Event
 from slipd.recording import mcap_file
-from slipd.recording.entry_walk import Entry, EntryWalk, Item
+from slipd.recording.entry_walk import Entry, EntryWalk
 from slipd.recording.mcap_records import DamageError, data_records, ends_closed, open_mcap
 
 GAP_S = 0.1
@@ -100,7 +100,7 @@ class Recording:
         return self.closed and self.fault is None and self.lost == 0
 
     @property
-    def gap(self) -> str:
+    def missing(self) -> str:
         """What is missing, for people, after a pass; "" where nothing is."""
         if self.complete:
             return ""
@@ -139,9 +139,9 @@ class Recording:
         Raises:
             RecordingError: The file cannot be opened.
         """
-        return map(Entry._make, self._pass())
+        return self._pass()
 
-    def _pass(self, *, decode: bool = True) -> Iterator[Item]:
+    def _pass(self, *, decode: bool = True) -> Iterator[Entry]:
         walk = EntryWalk(self.wall_minus_monotonic_ns, self.first, decode=decode)
         try:
             with open_mcap(self.path) as file:

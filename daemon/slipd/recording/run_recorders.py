@@ -81,11 +81,6 @@ class RequestedRecordings:
             raise RecordingError("the disk is still writing earlier recordings; try again later")
         return self._make(path, t_ns)
 
-    @property
-    def size_bytes(self) -> int:
-        """Size of the running recording, bytes; 0 where none runs."""
-        return 0 if self.running is None else self.running.size_bytes
-
     def changes(self, t_ns: int) -> list[RecordingChanged]:
         """Return the changes that the engine must know, each once."""
         done = [each for each in self._ended if each.finished]  # checked first, so that their last change is final
@@ -143,9 +138,10 @@ class ContinuousRecording(RequestedRecordings):
             first: Returns the events that precede a file that begins now.
         """
         changes = [change for change in self.changes(t_ns) if change.name == self._name]
+        full = self.running is not None and self.running.size_bytes >= self._limits.file_bytes
         if any(change.state != "running" for change in changes):
             self._due_ns = t_ns + RETRY_NS
-        elif self._due_ns is None or t_ns >= self._due_ns or self.size_bytes >= self._limits.file_bytes:
+        elif self._due_ns is None or t_ns >= self._due_ns or full:
             self._count += 1
             self._name = f"{RUN_KIND}-{self._name_at(t_ns)}-{self._count:04}.mcap"
             self._due_ns = t_ns + round(self._limits.file_s * 1e9)

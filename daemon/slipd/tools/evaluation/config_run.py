@@ -232,7 +232,7 @@ def run_config(path: Path, config_text: str | None, name: str) -> ConfigRun:
     except RecordingError as error:
         raise RecordingError(f"{error} ({name})" if config_text is not None else str(error)) from error
     run.end_s = events.newest_s or 0.0
-    run.fault = recording.gap
+    run.fault = recording.missing
     run.gaps = len(events.found)
     run.compute_s = time.process_time() - began_s
     return run

@@ -73,7 +73,7 @@ def export_command(
             frames = _frames(opened, written, layout, rate_hz or 1, task or TASK, show)
             what = f"{frames} frames of {'1 episode' if len(opened) == 1 else f'{len(opened)} episodes'}"
     print(f"{out}: written, {what}")
-    faults = [recording.gap for recording in opened if not recording.complete]
+    faults = [recording.missing for recording in opened if not recording.complete]
     for fault in faults:
         print(f"slipd: the export is incomplete: {printable(fault)}", file=sys.stderr)
     return not faults

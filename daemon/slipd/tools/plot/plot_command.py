@@ -71,8 +71,8 @@ def plot_command(
             runs = [read_run(*each, Window(begin_s, end_s), show) for each in zip(recordings, configs, strict=False)]
         written.write_text(page(runs), encoding="utf-8")
     for recording in recordings:
-        if recording.gap:
-            print(f"slipd: the recording is incomplete: {printable(recording.gap)}", file=sys.stderr)
+        if recording.missing:
+            print(f"slipd: the recording is incomplete: {printable(recording.missing)}", file=sys.stderr)
     print(f"{out}: written")
     return all(recording.complete for recording in recordings)
 
@@ -135,7 +135,7 @@ def read_run(
         shown = "Replayed with its own config" if replayed else "As the run itself reported it, with its own config"
         source = f"{shown} ({settings.config_id})."
     facts = [_recorded(recording, tracks, first[0]), source]
-    return DrawnRun(recording.path.name, facts, recording.gap, tracks, settings.levels)
+    return DrawnRun(recording.path.name, facts, recording.missing, tracks, settings.levels)
 
 
 def _holds_verdicts(recording: Recording) -> bool:

@@ -66,7 +66,7 @@ def recording_info(recording: Recording) -> dict[str, Any]:
         "recording": str(recording.path),
         "bytes": recording.size_bytes,
         "complete": recording.complete,
-        "fault": recording.gap,
+        "fault": recording.missing,
         "begun": begun.isoformat(timespec="milliseconds"),
         "length_s": length_s,
         "gaps": [list(gap) for gap in gaps.found],

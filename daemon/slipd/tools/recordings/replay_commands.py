@@ -75,7 +75,7 @@ def replay_command(path: Path, speed: float | None, *, as_json: bool, publish: s
         for topic, body in messages:
             show(topic, body)
     if not recording.complete:
-        print(f"slipd: the recording is incomplete: {printable(recording.gap)}", file=sys.stderr)
+        print(f"slipd: the recording is incomplete: {printable(recording.missing)}", file=sys.stderr)
     return recording.complete
 
 
@@ -194,7 +194,7 @@ class RecordingView:
             "ended": ended,
             "changes": blocks.changes[known:],
             "gaps": [[round(gap.begin_s * 1e9), round(gap.end_s * 1e9)] for gap in self._gaps.found],
-            "fault": self._failure or self._recording.gap if ended else "",
+            "fault": self._failure or self._recording.missing if ended else "",
         }
 
 
