@@ -186,6 +186,50 @@ def print_endpoints(endpoints: Endpoints) -> None:
     print(f"publish: {endpoints.publish}\nrequests: {endpoints.requests}", flush=True)
 
 
+@dataclass(slots=True)
+class ConfigChoice:
+    """Which config a process serves: that of its file, or the one before where that cannot start.
+
+    Attributes:
+        file: The file.
+        config: The config in force.
+        before: The one to go back to; None where there is none.
+        refused: Why the config of the file is not in force; None where it is.
+        served: A run with the config in force has begun.
+    """
+
+    file: Path
+    config: Config
+    before: Config | None = None
+    refused: SlipdError | None = None
+    served: bool = False
+
+    @property
+    def first(self) -> bool:
+        """No other config was in force yet."""
+        return self.before is None and self.refused is None
+
+    def change(self, found: Config) -> None:
+        """Put another config in force, which the file holds now."""
+        self.config, self.before, self.refused, self.served = found, self.config, None, False
+
+    def go_back(self, error: SlipdError) -> None:
+        """Go back to the config before where no run can start with the one in force.
+
+        Raises:
+            SlipdError: A run has begun and failed, there is no config before, or that one cannot start either.
+        """
+        if self.served or self.first:
+            raise error
+        if self.before is None:
+            raise SlipdError(
+                f"{self.file}: neither the changed config nor the one before can start\n"
+                f"  changed: {self.refused}\n  before: {error}"
+            ) from error
+        self.config, self.before, self.refused = self.before, None, error
+        _log.error("%s", kept_text(error), extra={"slipd_fault": "config-kept"})
+
+
 async def serve_file(
     file: Path, record: Path | None, on_ready: Callable[[Endpoints], None], selector: PollingSelector
 ) -> None:
@@ -209,47 +253,34 @@ async def serve_file(
         SlipdError: The first run cannot start, neither the changed config nor the one before can, or the recording of a
             run failed.
     """
-    notifier = SystemdNotifier()
-    config = load(file)
-    before: Config | None = None
-    refused: SlipdError | None = None
+    notifier, choice = SystemdNotifier(), ConfigChoice(file, load(file))
     requested = reload_requests()
-    served = False
 
     def note_served(endpoints: Endpoints) -> None:
-        nonlocal served
-        served = True
+        choice.served = True
         on_ready(endpoints)
 
     hangup = [signal.SIGHUP] if requested is None else []  # ends the daemon where it does not reload
     with EndSignals(signal.SIGINT, signal.SIGTERM, *hangup) as ends:
         while not ends.received:
-            reload = None if requested is None else ConfigReload(file, requested)
-            served = False
+            config, refused = choice.config, choice.refused
             selector.polls = config.realtime.poll
             for hint in hints(config, str(file)) if refused is None else ():
                 _log.warning("%s", hint)
+            reload = None if requested is None else ConfigReload(file, requested)
             try:
                 await serve(
                     config,
-                    record=None if record is None else _free_name(record, first=before is None and refused is None),
+                    record=None if record is None else _free_name(record, first=choice.first),
                     on_ready=note_served,
                     control=ProcessControl(ends, reload, "" if refused is None else kept_text(refused), notifier),
                 )
             except SlipdError as error:
-                if served or (before is None and refused is None):
-                    raise
-                if before is None:
-                    raise SlipdError(
-                        f"{file}: neither the changed config nor the one before can start\n"
-                        f"  changed: {refused}\n  before: {error}"
-                    ) from error
-                config, before, refused = before, None, error
-                _log.error("%s", kept_text(refused), extra={"slipd_fault": "config-kept"})
-                continue
-            if reload is None or reload.found is None:
-                return
-            config, before, refused = reload.found, config, None
+                choice.go_back(error)
+            else:
+                if reload is None or reload.found is None:
+                    return
+                choice.change(reload.found)
         notifier.stopping()
 
 
