@@ -5,6 +5,7 @@ A quaternion x, y, z, w is the orientation of a frame in another one: it takes c
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 Vector = tuple[float, float, float]
@@ -37,6 +38,22 @@ def rotated(rotation: Sequence[float], vector: Sequence[float]) -> Vector:
     """Return a vector of the rotated frame in the frame in which it is rotated."""
     x, y, z, _ = product(product(rotation, (*vector, 0.0)), conjugate(rotation))
     return x, y, z
+
+
+def rotation_vector(rotation: Quaternion) -> Vector:
+    """Return axis times angle of a rotation, rad, for angles up to half a turn."""
+    x, y, z, w = rotation
+    sine = math.sqrt(x * x + y * y + z * z)
+    angle = 2.0 * math.atan2(math.copysign(sine, w), abs(w))
+    scale = angle / sine if sine > 1e-12 else math.copysign(2.0, w)
+    return scale * x, scale * y, scale * z
+
+
+def of_rotation_vector(turn: Vector) -> Quaternion:
+    """Return the rotation with this axis times angle, rad."""
+    angle = math.sqrt(sum(each * each for each in turn))
+    scale = math.sin(angle / 2.0) / angle if angle > 1e-12 else 0.5
+    return scale * turn[0], scale * turn[1], scale * turn[2], math.cos(angle / 2.0)
 
 
 def plus(one: Sequence[float], other: Sequence[float]) -> Vector:

@@ -6,14 +6,24 @@ So a reading is about half a span old when it is sent, and its ``t_ns`` says so.
 
 from __future__ import annotations
 
-import math
 import operator
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, Generic, NamedTuple, TypeVar, Union
 
 from cyclonedds.domain import DomainParticipant
 
-from slipd_client.quaternions import STANDARD_DOWN, Quaternion, Vector, conjugate, cross, plus, product, rotated
+from slipd_client.quaternions import (
+    STANDARD_DOWN,
+    Quaternion,
+    Vector,
+    conjugate,
+    cross,
+    of_rotation_vector,
+    plus,
+    product,
+    rotated,
+    rotation_vector,
+)
 from slipd_client.ros2.dds import ros_reader, taken
 from slipd_client.ros2.orientation import ImuOrientation, OrientationUnknown, Pose, TransformTree, stamp_of, vector
 
@@ -173,22 +183,6 @@ def clock_offset_ns(arrived_ns: int, wall_ns: int, now_ns: int) -> int:
             "simulated time is not used"
         )
     return now_ns - wall_ns
-
-
-def rotation_vector(rotation: Quaternion) -> Vector:
-    """Return axis times angle of a rotation, rad, for angles up to half a turn."""
-    x, y, z, w = rotation
-    sine = math.sqrt(x * x + y * y + z * z)
-    angle = 2.0 * math.atan2(math.copysign(sine, w), abs(w))
-    scale = angle / sine if sine > 1e-12 else math.copysign(2.0, w)
-    return scale * x, scale * y, scale * z
-
-
-def of_rotation_vector(turn: Vector) -> Quaternion:
-    """Return the rotation with this axis times angle, rad."""
-    angle = math.sqrt(sum(each * each for each in turn))
-    scale = math.sin(angle / 2.0) / angle if angle > 1e-12 else 0.5
-    return scale * turn[0], scale * turn[1], scale * turn[2], math.cos(angle / 2.0)
 
 
 TOO_SLOW = "{} has too few new stamps within {:g} s to derive the motion: {}"

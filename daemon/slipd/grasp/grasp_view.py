@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from slipd.config import Grasp, PadPlace
 from slipd.finger.finger import Finger
@@ -28,7 +27,7 @@ from slipd.fusion.grasp import (
 )
 from slipd.grasp.object_estimate import NOTHING_HELD, ObjectState
 from slipd.grasp.swing_estimate import Swing
-from slipd.types.arrays import Array, finite_or_none
+from slipd.types.arrays import Array, finite_or_none, rotation_matrix
 from slipd_client.messages import SEVERITY
 
 _NO_WRENCH = (math.nan,) * 6
@@ -203,7 +202,7 @@ class Place:
     """
 
     def __init__(self, config: PadPlace) -> None:
-        self.rotation = Rotation.from_quat(config.quat_xyzw).as_matrix()
+        self.rotation = rotation_matrix(config.quat_xyzw)
         rows = np.array(config.positions)
         self._widths_m, self._positions_m = rows[:, 0], rows[:, 1:]
 

@@ -120,10 +120,8 @@ class MotionAdvice:
         if supported is None:
             apparent = self._apparent_now(np.array(com_m))
         else:  # the pads carry only a part of its weight, or nothing
-            carried_n = sum(
-                load.place.rotation @ wrench[:3] for load, wrench in zip(self._loads, wrenches, strict=True)
-            )
-            apparent = carried_n / (supported.mass_kg or math.inf)
+            forces_n = [load.place.rotation @ wrench[:3] for load, wrench in zip(self._loads, wrenches, strict=True)]
+            apparent = np.sum(forces_n, axis=0) / (supported.mass_kg or math.inf)
         self._apparent = self._apparent + part * (apparent - self._apparent)
         return t_ns + LOOK_NS
 

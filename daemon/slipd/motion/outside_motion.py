@@ -10,11 +10,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from slipd.motion.evidence import Evidence, f_surprise
 from slipd.types.arrays import Array
 from slipd.types.samples import ObjectSample
+from slipd_client.quaternions import conjugate, product, rotation_vector
 
 SETTLED_NS = 200_000_000
 """A hold this young still settles."""
@@ -46,7 +46,7 @@ class OutsideMotion:
         """Begin a hold; None: nothing is held."""
         self._since_ns = t_ns
         self._first: list[Array] = []
-        self._turn: Rotation | None = None
+        self._turn: tuple[float, ...] | None = None  # orientation of the first pose
         self._mean: Array = np.empty(0)
         self._variance, self._freedom = np.empty(0), KNOWN
         self._before = 0.0
@@ -104,13 +104,12 @@ class OutsideMotion:
 
     def _pose(self, xyz_m: tuple[float, ...], quat_xyzw: tuple[float, ...] | None) -> Array:
         """Return position and, where it is known, orientation times ``REACH_M``, from that of the first."""
-        place = np.array(xyz_m)
         if quat_xyzw is None:
-            return place
-        turn = Rotation.from_quat(quat_xyzw)
+            return np.array(xyz_m)
         if self._turn is None or not self._first:
-            self._turn = turn
-        return np.concatenate((place, REACH_M * (self._turn.inv() * turn).as_rotvec()))
+            self._turn = quat_xyzw
+        turn = rotation_vector(product(conjugate(self._turn), quat_xyzw))
+        return np.array((*xyz_m, *(REACH_M * angle for angle in turn)))
 
 
 def _of_speed(reading: ObjectSample) -> float | None:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from slipd.types.arrays import Array, cross_matrix
+from slipd.types.arrays import Array, cross_matrix, rotation_matrix
 
 
 def mounting_matrix(xyz_m: Sequence[float], quat_xyzw: Sequence[float], sign: int = 1) -> Array:
@@ -23,8 +22,7 @@ def mounting_matrix(xyz_m: Sequence[float], quat_xyzw: Sequence[float], sign: in
         sign: s: +1 if the sensor reports the load on the finger, −1 if it reports the load by the finger.
     """
     largest = max(map(abs, quat_xyzw))
-    quaternion = np.array(quat_xyzw, dtype=np.float64) / largest  # its squares neither underflow nor overflow
-    rotation = Rotation.from_quat(quaternion).as_matrix()
+    rotation = rotation_matrix([part / largest for part in quat_xyzw])  # squares neither underflow nor overflow
     turned_lever = cross_matrix(xyz_m) @ rotation
     matrix: Array = sign * np.block([[rotation, np.zeros((3, 3))], [turned_lever, rotation]])
     return matrix

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ros_values import attributes, numbers
 from scipy.spatial.transform import Rotation
 
+from slipd_client.quaternions import of_rotation_vector, rotation_vector
 from slipd_client.ros2.arm_motion import (
     IMU_SPAN_S,
     POSE_SPAN_S,
@@ -19,8 +20,6 @@ from slipd_client.ros2.arm_motion import (
     ImuMotion,
     PoseMotion,
     clock_offset_ns,
-    of_rotation_vector,
-    rotation_vector,
 )
 from slipd_client.ros2.orientation import (
     STALE_S,
