@@ -6,7 +6,6 @@ import argparse
 import contextlib
 import importlib
 import json
-import os
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING
 from slipd_client import slipctl_parser
 from slipd_client.errors import CallError, ClientError, RequestRefused, SlipdClientError, require
 from slipd_client.messages.schema.ops import lease_rule
+from slipd_client.terminal import standard_output
 
 if TYPE_CHECKING:
     from slipd_client.grip import GripClient
@@ -48,24 +48,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0 done; 1 the daemon refused or did not answer; 2 wrong use, a missing file or a missing package; 130 ended by
         Ctrl-C. The reason is reported on standard error.
     """
-    chosen = slipctl_parser.parser().parse_args(arguments)
-    if chosen.version:
-        print(f"slipctl {version()}")
-        return DONE
-    if not chosen.command:
-        chosen.refuse()
-    for stream in (sys.stdout, sys.stderr):
-        stream.reconfigure(errors="replace")  # type: ignore[union-attr] # a terminal that lacks a character shows "?"
-    try:
-        _carry_out(chosen)
-        sys.stdout.flush()
-    except BrokenPipeError:  # the reader of the pipe has closed it; Python must not flush into it at exit
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    except KeyboardInterrupt:
-        return INTERRUPTED
-    except SlipdClientError as error:
-        print(f"slipctl: {_in_words_to_type(str(error))}", file=sys.stderr)
-        return REFUSED if isinstance(error, ClientError) else WRONG
+    with standard_output("slipctl"):
+        chosen = slipctl_parser.parser().parse_args(arguments)
+        if not chosen.command and not chosen.version:
+            chosen.refuse()
+        try:
+            _carry_out(chosen)
+        except KeyboardInterrupt:
+            return INTERRUPTED
+        except SlipdClientError as error:
+            print(f"slipctl: {_in_words_to_type(str(error))}", file=sys.stderr)
+            return REFUSED if isinstance(error, ClientError) else WRONG
     return DONE
 
 
@@ -98,7 +91,9 @@ def _carry_out(chosen: argparse.Namespace) -> None:
         KeyFileError: A key file cannot be used or created.
     """
     command: str = chosen.command
-    if command.startswith("keys "):
+    if chosen.version:
+        print(f"slipctl {version()}")
+    elif command.startswith("keys "):
         from slipd_client import keys
 
         keys.run(chosen)

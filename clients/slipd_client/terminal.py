@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import signal
+import sys
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from types import FrameType
 from typing import TextIO
@@ -28,6 +30,32 @@ class Terminal:
     columns: int = UNCUT
     lines: int = UNCUT
     colour: bool = False
+
+
+@contextlib.contextmanager
+def standard_output(program: str) -> Iterator[None]:
+    """Serve the output of a program: what a stream cannot show is a "?", and one that is closed shows nothing.
+
+    A reader that closes its pipe ends the block without an error.
+
+    Raises:
+        SystemExit: The disk is full that takes the output.
+    """
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: PTH123, SIM115
+        getattr(sys, name).reconfigure(errors="replace")
+    try:
+        try:
+            yield
+        finally:
+            sys.stdout.flush()
+    except OSError as error:
+        if error.errno not in (errno.EPIPE, errno.ENOSPC):
+            raise
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes once more at exit
+        if error.errno == errno.ENOSPC:
+            raise SystemExit(f"{program}: the output cannot be written: {error.strerror}") from None
 
 
 Span = tuple[str, str]

@@ -19,6 +19,7 @@ from slipd.errors import ConfigError, SlipdError, UsageError
 from slipd.io.log_lines import log_uncaught, open_log
 from slipd.tools.cli_commands import COMMANDS, parser
 from slipd.types.device_text import printable_lines
+from slipd_client.terminal import standard_output
 
 DONE, NO, WRONG, INTERRUPTED = 0, 1, 2, 130
 """Exit codes, those of ``slipctl`` too; docs/commands.md explains them."""
@@ -79,19 +80,19 @@ _INTERRUPTED = {
 def main(argv: list[str] | None = None) -> int:
     """Run one command; return its exit code: 0 done, 1 the answer is no, 2 wrong use, 130 interrupted."""
     words = sys.argv[1:] if argv is None else argv
-    if hint := _hint(words):
-        print(f"slipd: {hint}", file=sys.stderr)
-        return WRONG
-    arguments = parser().parse_args(words)
-    open_log()
-    if argv is None:
-        for stream in (sys.stdout, sys.stderr):
-            stream.reconfigure(errors="replace")  # type: ignore[union-attr] # what it cannot show is a "?"
-        log_uncaught()
-    code = _exit_code(arguments)
-    if argv is None and arguments.command == "run":
-        _end_process(code)
-    return code
+    with standard_output("slipd"):
+        if hint := _hint(words):
+            print(f"slipd: {hint}", file=sys.stderr)
+            return WRONG
+        arguments = parser().parse_args(words)
+        open_log()
+        if argv is None:
+            log_uncaught()
+        code = _exit_code(arguments)
+        if argv is None and arguments.command == "run":
+            _end_process(code)
+        return code
+    return DONE
 
 
 def _hint(words: list[str]) -> str:
@@ -130,9 +131,6 @@ def _exit_code(arguments: argparse.Namespace) -> int:
         if arguments.command not in SERVING:
             print(f"slipd: interrupted{_INTERRUPTED.get(arguments.command, '')}", file=sys.stderr)
         return INTERRUPTED
-    except BrokenPipeError:
-        sys.stderr.close()  # the reader of the output is gone, and with it the reader of an error
-        return DONE
 
 
 def _end_process(code: int) -> NoReturn:

@@ -22,3 +22,23 @@ def test_what_a_terminal_cannot_show_is_escaped_or_a_question_mark_and_ends_noth
     assert (done.returncode, done.stderr) == (0, "")
     assert r"run\udcff.mcap" in done.stdout
     assert "? max" in done.stdout
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(
+    ("call", "ends", "said"),
+    [
+        ("slipd docs commands | true", 0, ""),
+        ("slipctl --help | true", 0, ""),
+        ("slipd docs commands >&-", 0, ""),
+        ("slipctl --version >&- 2>&-", 0, ""),
+        ("slipd docs commands >/dev/full", 1, "slipd: the output cannot be written: No space left on device\n"),
+    ],
+)
+def test_an_output_that_is_closed_or_full_is_no_traceback(call: str, ends: int, said: str) -> None:
+    variables = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    variables["PATH"] = f"{Path(sys.executable).parent}:{variables['PATH']}"
+    done = subprocess.run(
+        ["bash", "-c", f"{call}; exit ${{PIPESTATUS[0]}}"], env=variables, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (ends, said)
