@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 from slipd_client import slipctl_parser
 from slipd_client.errors import CallError, ClientError, RequestRefused, SlipdClientError, require
 from slipd_client.messages.schema.ops import lease_rule
-from slipd_client.terminal import standard_output
+from slipd_client.terminal import INTERRUPTED, standard_output
 
 if TYPE_CHECKING:
     from slipd_client.grip import GripClient
     from slipd_client.keys import Keys
 
-DONE, REFUSED, WRONG, INTERRUPTED = 0, 1, 2, 130
+DONE, REFUSED, WRONG = 0, 1, 2
 """Exit codes, as those of ``slipd``: docs/commands.md."""
 
 COMMANDS = {op: name for name, (_, op, _) in slipctl_parser.REQUESTS.items()}

@@ -13,6 +13,9 @@ from dataclasses import dataclass
 from types import FrameType
 from typing import TextIO
 
+INTERRUPTED = 130
+"""Exit code after Ctrl-C."""
+
 UNCUT = 10_000
 """Columns and lines without a terminal: more than is ever drawn."""
 
@@ -39,7 +42,7 @@ def standard_output(program: str) -> Iterator[None]:
     A reader that closes its pipe ends the block without an error.
 
     Raises:
-        SystemExit: The disk is full that takes the output.
+        SystemExit: The disk is full that takes the output, or Ctrl-C was pressed.
     """
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
@@ -50,6 +53,8 @@ def standard_output(program: str) -> Iterator[None]:
             yield
         finally:
             sys.stdout.flush()
+    except KeyboardInterrupt:  # while it starts; later, each command has its own end
+        raise SystemExit(INTERRUPTED) from None
     except OSError as error:
         if error.errno not in (errno.EPIPE, errno.ENOSPC):
             raise

@@ -19,9 +19,9 @@ from slipd.errors import ConfigError, SlipdError, UsageError
 from slipd.io.log_lines import log_uncaught, open_log
 from slipd.tools.cli_commands import COMMANDS, parser
 from slipd.types.device_text import printable_lines
-from slipd_client.terminal import standard_output
+from slipd_client.terminal import INTERRUPTED, standard_output
 
-DONE, NO, WRONG, INTERRUPTED = 0, 1, 2, 130
+DONE, NO, WRONG = 0, 1, 2
 """Exit codes, those of ``slipctl`` too; docs/commands.md explains them."""
 
 WRONG_PLACES = (FileNotFoundError, FileExistsError, IsADirectoryError)
