@@ -121,7 +121,7 @@ def true_use(grip: Grip, felt: Array, couple: Array = NOTHING) -> float:
     for (load, (normal, _, _), at), patch in zip(pad_loads(grip, felt, couple), grip.patches, strict=True):
         on = pressure(patch, at)
         about = (float(patch @ X), float(patch @ Y))
-        used.append(utilisation(on.x, on.y, on.loads.loads * normal, grip.mu, load[:2], float(load[2]), about).value)
+        used.append(utilisation(on.x, on.y, on.shares * normal, grip.mu, load[:2], float(load[2]), about).value)
     return max(used)
 
 
@@ -217,7 +217,7 @@ class Advised:
         (fx, fy, spin), (normal, _, _), (cx, cy) = (each.tolist() for each in load)
         tilted = pressure(patch, load[2])
         image = np.zeros(patch.size)
-        image[np.flatnonzero(patch)] = tilted.loads.loads
+        image[np.flatnonzero(patch)] = tilted.shares
         mx, my = -cy * normal, cx * normal
         centre = (float(patch @ X), float(patch @ Y))
         mz = spin + centre[0] * fy - centre[1] * fx

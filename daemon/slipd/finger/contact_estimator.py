@@ -134,7 +134,7 @@ class ContactEstimator:
                 self._arrays = (
                     distribution.x,
                     distribution.y,
-                    distribution.loads.loads,
+                    distribution.shares,
                     outline.x,
                     outline.y,
                     shape_error,

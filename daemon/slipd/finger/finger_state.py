@@ -25,7 +25,7 @@ from slipd.finger.verdict import (
     contact_verdict,
 )
 from slipd.friction.friction_state import FrictionState
-from slipd.fusion import Contact, Loads, Utilisation, grey_loads
+from slipd.fusion import Contact, Utilisation, grey_loads
 from slipd.fusion.hull import Outline
 from slipd.fusion.loads import active_loads
 from slipd.fusion.rows import FREE, LATE, PULLED, STABLE, TOUCHING, UNKNOWN, UNTRUSTED, Rows
@@ -46,13 +46,15 @@ class LoadDistribution:
     Attributes:
         x: Centres of the active taxels along X, shape (k,), m.
         y: Likewise along Y, shape (k,), m.
-        loads: Normal force on each at 1 N; between two images it scales with the normal force.
+        shares: Normal force on each at 1 N, shape (k,); between two images it scales with the normal force.
+        centroid_residual_m: Distance of their centroid from that of the force sensor, as of `Loads`, m.
         outline: Convex outline of the active taxels.
     """
 
     x: Array
     y: Array
-    loads: Loads
+    shares: Array
+    centroid_residual_m: float
     outline: Outline
 
     def spin_required(self, contact: Contact) -> float:
@@ -61,7 +63,7 @@ class LoadDistribution:
         It is m / (f_n × mean distance of the load from the centroid): 0 where the load is at one point, NaN where the
         spin is not known.
         """
-        lever_m = float(self.loads.loads @ np.hypot(self.x - contact.cx_m, self.y - contact.cy_m))
+        lever_m = float(self.shares @ np.hypot(self.x - contact.cx_m, self.y - contact.cy_m))
         return contact.spin_nm / (contact.normal_n * lever_m) if lever_m > 0.0 else 0.0
 
 
@@ -84,7 +86,7 @@ def distribute(rule: str, x: Array, y: Array, pressure: Array, contact: Contact)
         loads = grey_loads(pressure, 1.0)
     else:
         loads = active_loads(x, y, None if rule == "binary" else pressure, (contact.cx_m, contact.cy_m), outline)
-    return LoadDistribution(x, y, loads, outline)
+    return LoadDistribution(x, y, loads.loads, loads.centroid_residual_m, outline)
 
 
 @dataclass(slots=True, eq=False)
@@ -174,7 +176,7 @@ class FingerState:
         distribution, friction, wrench = self.load_distribution, self.friction or _NO_FRICTION, config.wrench
         found = find_numbers(
             reading,
-            *(_NO_TAXELS if distribution is None else (distribution.x, distribution.y, distribution.loads.loads)),
+            *(_NO_TAXELS if distribution is None else (distribution.x, distribution.y, distribution.shares)),
             math.nan if friction.mu is None else friction.mu,
             friction.spin_scale,
             0.0 if wrench is None else wrench.force_std_n,  # the noise of a pad is not known

@@ -249,9 +249,9 @@ class MotionAdvice:
             return own.unknown
         doubt_kg = OBJECT_STDS * own.mass_std_kg
         mass = np.array((max(own.mass_kg - doubt_kg, 0.0), own.mass_kg + doubt_kg))
-        wholes = [load.whole(width_m) for load in self._loads]
-        middle, com = 0.5 * (wholes[0].centre_m + wholes[1].centre_m), np.array(own.com_m)
-        share, spin_share = shares_of(*wholes)
+        carried = [load.carried(width_m) for load in self._loads]
+        middle, com = 0.5 * (carried[0].centre_m + carried[1].centre_m), np.array(own.com_m)
+        share, spin_share = shares_of(*carried)
         error = OBJECT_STDS * np.array(own.com_std_m)
         pads = (
             self._loads[0].held(first, mass, com - middle, error, share, spin_share),

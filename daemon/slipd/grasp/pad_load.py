@@ -45,8 +45,8 @@ class KnownContact(NamedTuple):
     noise: WrenchUncertainty
 
 
-class Whole(NamedTuple):
-    """What a pad shares with the other one.
+class CarriedLoad(NamedTuple):
+    """What a pad carries, and where.
 
     Attributes:
         tangential_n: Size of its tangential force, N.
@@ -111,11 +111,11 @@ class PadLoad:
         low = friction.mu if friction.mu_low is None else min(friction.mu, friction.mu_low)
         return KnownContact(state.load_distribution, 0.5 * pad.pitch_m, low, friction.spin_scale, force.noise)
 
-    def whole(self, width_m: float | None) -> Whole:
-        """Return what the pad shares with the other one, at a width between the pads."""
+    def carried(self, width_m: float | None) -> CarriedLoad:
+        """Return what the pad carries in the mean, at a width between the pads."""
         fx, fy, spin, cx, cy = self._load()
         centre = self.place.nearest_m(width_m) + self.place.rotation @ np.array((cx, cy, 0.0))
-        return Whole(math.hypot(fx, fy), spin, centre)
+        return CarriedLoad(math.hypot(fx, fy), spin, centre)
 
     def held(
         self, contact: KnownContact, mass_kg: Array, com_m: Array, com_error_m: Array, share: float, spin_share: float
@@ -132,7 +132,7 @@ class PadLoad:
         """
         fx, fy, spin, cx, cy = self._load()
         distribution, outline, noise = contact.distribution, contact.distribution.outline, contact.noise
-        net = twist_net(distribution.x, distribution.y, distribution.loads.loads, cx, cy)
+        net = twist_net(distribution.x, distribution.y, distribution.shares, cx, cy)
         at_origin = np.hypot(net[0] + net[2] * cy, net[1] - net[2] * cx)
         noisy = np.hypot(at_origin * noise.force_std_n, net[2] * noise.torque_std_nm) * (Z / math.sqrt(self._count))
         return HeldPad(
@@ -149,7 +149,7 @@ class PadLoad:
         return fx, fy, mz - (cx * fy - cy * fx), cx, cy
 
 
-def shares_of(first: Whole, second: Whole) -> tuple[float, float]:
+def shares_of(first: CarriedLoad, second: CarriedLoad) -> tuple[float, float]:
     """Return the share of tangential force and spin on the first pad; a half where the load does not show it.
 
     The pads face each other, so one twist of the object has opposite signs on both.

@@ -62,7 +62,7 @@ def slip_body(finger: Finger, state: FingerState) -> Body:
         "pole_m": _vector(pole_x_m, pole_y_m),
         "tipping_margin_m": margin_m,
         "tipping_margin_std_m": None if image is None else 0.5 * image.geometry.pitch_m,
-        "centroid_residual_m": None if distribution is None else finite_or_none(distribution.loads.centroid_residual_m),
+        "centroid_residual_m": None if distribution is None else finite_or_none(distribution.centroid_residual_m),
         "model": MODELS[model],
         "tare_id": finger.tare.current.id,
         **tare_body(finger.main, state.t_ns),

@@ -30,7 +30,7 @@ def distributed(rule: str, pressure: np.ndarray, pressed: Contact) -> LoadDistri
 @pytest.mark.parametrize("normal_n", [8.0, 2.0])
 def test_distribution_is_that_of_1_n_on_the_active_taxels(rule: str, normal_n: float) -> None:
     found = distributed(rule, RAMP, contact(normal_n))
-    loads = found.loads.loads
+    loads = found.shares
     assert found.x.shape == found.y.shape == loads.shape == (15,), "the taxel without pressure carries nothing"
     assert loads.sum() == pytest.approx(1.0)
     assert (loads >= 0.0).all()
@@ -39,20 +39,20 @@ def test_distribution_is_that_of_1_n_on_the_active_taxels(rule: str, normal_n: f
 @pytest.mark.parametrize("rule", ["grey", "binary", "matched"])
 def test_each_rule_uses_what_it_says_of_pressure_and_centroid(rule: str) -> None:
     found = distributed(rule, RAMP, contact())
-    centroid = found.x @ found.loads.loads, found.y @ found.loads.loads
+    centroid = found.x @ found.shares, found.y @ found.shares
     assert (centroid == pytest.approx(CENTROID, abs=1e-9)) is (rule != "grey")
-    by_pressure, even = RAMP[1:] / RAMP.sum(), distributed(rule, EVEN, contact()).loads.loads
-    assert (found.loads.loads == pytest.approx(by_pressure)) is (rule == "grey")
-    assert (found.loads.loads == pytest.approx(even, rel=0.01)) is (rule == "binary")
+    by_pressure, even = RAMP[1:] / RAMP.sum(), distributed(rule, EVEN, contact()).shares
+    assert (found.shares == pytest.approx(by_pressure)) is (rule == "grey")
+    assert (found.shares == pytest.approx(even, rel=0.01)) is (rule == "binary")
     unknown = contact()._replace(cx_m=np.nan, cy_m=np.nan)
-    assert distributed(rule, RAMP, unknown).loads.loads == pytest.approx(by_pressure)
+    assert distributed(rule, RAMP, unknown).shares == pytest.approx(by_pressure)
     assert distribute(rule, X, Y, np.zeros(16), contact()) is None
 
 
 def test_a_spin_requires_friction_by_the_lever_of_its_load() -> None:
     pressed = contact()._replace(spin_nm=-0.004)
     found = distributed("grey", RAMP, pressed)
-    lever_m = found.loads.loads @ np.hypot(found.x - CENTROID[0], found.y - CENTROID[1])
+    lever_m = found.shares @ np.hypot(found.x - CENTROID[0], found.y - CENTROID[1])
     assert found.spin_required(pressed) == pytest.approx(-0.004 / (8.0 * lever_m))
     point = distributed("grey", np.where(np.arange(16) == 5, 1.0, 0.0), pressed)
     assert point.spin_required(pressed._replace(cx_m=float(X[5]), cy_m=float(Y[5]))) == 0.0

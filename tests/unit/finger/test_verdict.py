@@ -81,7 +81,7 @@ def test_the_force_and_the_torque_that_a_contact_needs_and_holds(
     press = make_press(finger)
     assert finger.state.needed_normal_n(finger.config) is slip_body(finger, finger.state)["torque_limit_nm"] is None
     state = press(10.0, (1.0, 0.5), spin, (0.001, 0.0))
-    loads = state.load_distribution.loads.loads * 10.0
+    loads = state.load_distribution.shares * 10.0
     taxels = state.load_distribution.x, state.load_distribution.y, loads, 0.5
     needed_n = grip_needed_n(*taxels, (1.0, 0.5), spin, (0.001, 0.0), growth=0.2, safety=finger.config.grip_safety)
     limit_nm = torque_limit(*taxels, (1.0, 0.5), (0.001, 0.0), 1 if spin > 0.0 else -1).torque_nm
