@@ -15,7 +15,8 @@ from slipd.finger.trust import is_trusted
 from slipd.fusion.grasp import PadPose, external_wrench
 from slipd.grasp.arm_check import SHIFTS_NS, ArmCheck
 from slipd.grasp.arm_motion import ArmMotion
-from slipd.grasp.grasp_view import GraspView, NamedObject, Place
+from slipd.grasp.grasp_view import GraspView
+from slipd.grasp.hold_state import NamedObject
 from slipd.grasp.object_estimate import (
     NOT_MOVED,
     NOTHING_HELD,
@@ -27,6 +28,7 @@ from slipd.grasp.object_estimate import (
     gripped_again,
     unknown_object,
 )
+from slipd.grasp.pad_place import Place
 from slipd.grasp.swing_estimate import SwingEstimate, spin_about
 from slipd.types.arrays import Array, cross_matrix
 

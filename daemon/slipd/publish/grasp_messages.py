@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from slipd.events import Body, Output
-from slipd.grasp.grasp_view import GraspView, HoldState
+from slipd.grasp.grasp_view import GraspView
+from slipd.grasp.hold_state import HoldState
 from slipd.grasp.motion_advice import MotionAdvice
 from slipd.grasp.motion_answers import MotionLimits
 from slipd.grasp.object_estimate import ObjectState
