@@ -16,7 +16,7 @@ from bench.tables import Table
 from slipd import config
 from slipd.engine.engine import Engine
 from slipd.events import Bytes, Event, LinkUp, Publish, Request, Tick
-from slipd.recording.mcap_file import EVENTS, RecordingFile
+from slipd.recording.mcap_file import EVENTS, RecordingFile, RunHead
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
 from slipd_client.messages import encode
@@ -59,7 +59,7 @@ def record(path: Path, seconds: float) -> int:
     streams = traffic.two_fingers(seconds)
     text = config_text(streams)
     engine = Engine(config.parse(text, "bench"), boot=BOOT, wall_minus_monotonic_ns=0)
-    file = RecordingFile(path, config_text=text, boot=BOOT, wall_minus_monotonic_ns=0)
+    file = RecordingFile(path, RunHead(text, BOOT, 0))
     n = 0
     for t_ns, event in _events(streams, seconds):
         file.add(n, t_ns, EVENTS, event)

@@ -12,7 +12,7 @@ from simulated_grasp.grasp_parts import FrictionLaw, GraspedObject, PadComplianc
 from simulated_grasp.load_history import LoadHistory
 from simulated_grasp.trace import simulate
 
-from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.mcap_file import RecordingFile, RunHead
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics
@@ -103,7 +103,7 @@ def test_a_long_grasp_is_played_part_by_part(held, monkeypatch):
 def test_its_recording_replays_to_the_same_messages(held, tmp_path):
     text = offline_config(LEFT, 0.55)
     path = tmp_path / "offline.mcap"
-    file = RecordingFile(path, config_text=text, boot=BOOT, wall_minus_monotonic_ns=0)
+    file = RecordingFile(path, RunHead(text, BOOT, 0))
     heard = run_offline(held, LEFT, text, 5, log=file)
     file.finish(sum(1 for _ in heard))
     recording = open_recording(path)

@@ -6,18 +6,16 @@ import resource
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from slipd.events import Bytes, Event, LinkDown, LinkUp, RecordingChanged, Request, Tick
 from slipd.recording.entry_walk import Entry
-from slipd.recording.mcap_file import EVENTS, RecordingFile
+from slipd.recording.mcap_file import EVENTS, RecordingFile, RunHead
 from slipd.recording.reader import Recording, open_recording
 from slipd_client import messages
 
 CONFIG_TEXT = "# μ stands in the config\n[finger.left]\nmu = 0.5\n"
 WALL_NS = 1_700_000_000_000_000_000
-ABOUT_RUN: dict[str, Any] = {"config_text": CONFIG_TEXT, "boot": "b00t", "wall_minus_monotonic_ns": WALL_NS}
-"""Arguments of a recorder that describe the run."""
+ABOUT_RUN = RunHead(CONFIG_TEXT, "b00t", WALL_NS)
 
 TWO_PADS = "".join(
     f"""
@@ -77,15 +75,13 @@ def begun_like(recording: Recording, path: Path, config_text: str | None = None)
     """Begin a file of the same run, with another config where one is given."""
     return RecordingFile(
         path,
-        config_text=config_text or recording.config_text,
-        boot=recording.boot,
-        wall_minus_monotonic_ns=recording.wall_minus_monotonic_ns,
+        RunHead(config_text or recording.config_text, recording.boot, recording.wall_minus_monotonic_ns),
     )
 
 
 def write(path: Path, entries: Iterable[Entry], chunk: int = 1000) -> None:
     """Write entries as a finished recording, in chunks of a given number."""
-    file = RecordingFile(path, **ABOUT_RUN)
+    file = RecordingFile(path, ABOUT_RUN)
     end = 0
     for item in entries:
         file.add(*item)

@@ -15,7 +15,7 @@ from wire_check import faults_of
 from slipd import config
 from slipd.engine.engine import Engine
 from slipd.events import Bytes, Event, LinkUp, Publish, Reply, Request, Tick, Write
-from slipd.recording.mcap_file import EVENTS, RecordingFile
+from slipd.recording.mcap_file import EVENTS, RecordingFile, RunHead
 from slipd.tools.demo_summary import Tally
 from slipd.tools.sim import carry, robot_program
 from slipd.tools.sim.robot_program import RobotProgram
@@ -43,7 +43,7 @@ def slow_config(text: str, *changes: tuple[str, str]) -> str:
 
 def recording_of(path: Any, text: str) -> RecordingFile:
     """Return a file for the events of a run."""
-    return RecordingFile(path, config_text=text, boot=BOOT, wall_minus_monotonic_ns=WALL_NS)
+    return RecordingFile(path, RunHead(text, BOOT, WALL_NS))
 
 
 @dataclass

@@ -12,7 +12,7 @@ from live_recording import live
 from replays import RECORDINGS
 
 from slipd.cli import main
-from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.mcap_file import RecordingFile, RunHead
 from slipd.recording.reader import open_recording
 
 DEMO, XELA = str(RECORDINGS / "demo.mcap"), str(RECORDINGS / "xela.mcap")
@@ -135,7 +135,7 @@ def test_what_is_wrong_is_told_and_nothing_is_left_behind(
     Path("bad.toml").write_text("[finger.left]\nmu = 9.0\n")
     Path("folder.html").mkdir()
     text = open_recording(Path(DEMO)).config_text
-    RecordingFile(Path("no_event.mcap"), config_text=text, boot="b", wall_minus_monotonic_ns=0).finish(0)
+    RecordingFile(Path("no_event.mcap"), RunHead(text, "b", 0)).finish(0)
     before = sorted(here.iterdir())
     assert main(call) == ends
     captured = capsys.readouterr()

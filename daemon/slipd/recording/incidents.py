@@ -154,7 +154,7 @@ class Incidents:
         files: The files of the run.
         limits: ``[recording.incidents]``.
         name: Returns the first part of the name of a file, by its time.
-        create: Returns a new file, given its path and, as ``first``, the index of its first entry.
+        create: Returns a new file, given its path and the index of its first entry.
         prepare: Called by the thread before it creates a file; a RecordingError from it prevents that.
     """
 
@@ -163,7 +163,7 @@ class Incidents:
         files: RunFiles,
         limits: IncidentLimits,
         name: Callable[[int], str],
-        create: Callable[..., RecordingFile],
+        create: Callable[[Path, int], RecordingFile],
         prepare: Callable[[], None],
     ) -> None:
         self._files, self._limits, self._name = files, limits, name
@@ -259,7 +259,7 @@ class Incidents:
             self._prepare()
             self._files.delete_oldest(INCIDENT_KIND, self._limits.keep_files - 1)
             path = self._files.place(path)
-            file = self._create(path, first=self._ring.first)
+            file = self._create(path, self._ring.first)
             self._ring.write(file)
         except (RecordingError, OSError) as error:
             if file is not None:

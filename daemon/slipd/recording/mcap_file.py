@@ -20,7 +20,7 @@ import platform
 import zlib
 from importlib.metadata import version
 from pathlib import Path
-from typing import IO, cast
+from typing import IO, NamedTuple, cast
 
 import msgpack
 from mcap.data_stream import RecordBuilder
@@ -49,25 +49,39 @@ CHUNK_BYTES = 256 * 1024
 _VERSIONED = ("slipd", "numpy", "numba", "msgpack", "mcap")
 
 
+class RunHead(NamedTuple):
+    """What the head of a recording states of its run.
+
+    Attributes:
+        config_text: The config of the run, TOML.
+        boot: Id of the run.
+        wall_minus_monotonic_ns: Wall-clock time minus CLOCK_MONOTONIC, ns.
+        versions: Versions of Python, slipd and its libraries in the run; None: those of this process.
+    """
+
+    config_text: str
+    boot: str
+    wall_minus_monotonic_ns: int
+    versions: dict[str, str] | None = None
+
+
 def checksum(metadata: dict[str, str], config_text: str) -> str:
     """Return the CRC-32 of the start metadata (without its own entry) and the config, in hexadecimal."""
     items = sorted((key, value) for key, value in metadata.items() if key != CRC32)
     return f"{zlib.crc32(msgpack.packb([items, config_text])):08x}"
 
 
-def start_metadata(
-    config_text: str, boot: str, wall_minus_monotonic_ns: int, versions: dict[str, str] | None = None, first: int = 0
-) -> dict[str, str]:
+def start_metadata(head: RunHead, first: int) -> dict[str, str]:
     """Return the metadata of the start; arguments as for `RecordingFile`."""
     metadata = {
         "format": FORMAT,
-        "boot": boot,
-        "wall_minus_monotonic_ns": str(wall_minus_monotonic_ns),
-        **(own_versions() if versions is None else versions),
+        "boot": head.boot,
+        "wall_minus_monotonic_ns": str(head.wall_minus_monotonic_ns),
+        **(own_versions() if head.versions is None else head.versions),
     }
     if first:
         metadata[FIRST] = str(first)
-    return metadata | {CRC32: checksum(metadata, config_text)}
+    return metadata | {CRC32: checksum(metadata, head.config_text)}
 
 
 def own_versions() -> dict[str, str]:
@@ -112,27 +126,15 @@ class RecordingFile(RecordStream):
 
     Args:
         path: File to write; an existing one is never overwritten.
-        config_text: The config of the run, TOML.
-        boot: Id of the run.
-        wall_minus_monotonic_ns: Wall-clock time minus CLOCK_MONOTONIC, ns.
-        versions: Versions of Python, slipd and its libraries in the recorded run; None: those of this process.
+        head: What the head states of the run.
         first: Index of the first entry.
 
     Raises:
         RecordingError: The file cannot be created. Every other method raises OSError when the disk fails.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        *,
-        config_text: str,
-        boot: str,
-        wall_minus_monotonic_ns: int,
-        versions: dict[str, str] | None = None,
-        first: int = 0,
-    ) -> None:
-        self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
+    def __init__(self, path: Path, head: RunHead, *, first: int = 0) -> None:
+        self._wall_minus_monotonic_ns = head.wall_minus_monotonic_ns
         self._channels: dict[str, int] = {}
         try:
             check_new(path)
@@ -144,9 +146,8 @@ class RecordingFile(RecordStream):
         keep_index_packed(self._writer)
         try:
             self._writer.start(profile=PROFILE, library=f"slipd {version('slipd')}")
-            metadata = start_metadata(config_text, boot, wall_minus_monotonic_ns, versions, first)
-            self._writer.add_metadata(START, metadata)
-            self._writer.add_attachment(0, 0, CONFIG, "application/toml", config_text.encode())
+            self._writer.add_metadata(START, start_metadata(head, first))
+            self._writer.add_attachment(0, 0, CONFIG, "application/toml", head.config_text.encode())
             self.end_chunk()
         except OSError as error:
             self.remove()

@@ -9,7 +9,6 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Iterator
-from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
 from threading import Thread
@@ -17,7 +16,7 @@ from typing import Any
 
 from slipd.errors import RecordingError
 from slipd.events import Event, RecordingChanged
-from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.mcap_file import RecordingFile, RunHead
 from slipd.recording.run_files import DiskLimits, RecordingLimitError
 
 QUEUE_LIMIT = 65_536
@@ -70,10 +69,8 @@ class Recorder:
 
     Args:
         path: File to write; an existing one is never overwritten.
+        head: What the head of the file states of the run.
         t_ns: Now, CLOCK_MONOTONIC.
-        config_text: The config of the run, TOML.
-        boot: Id of the run.
-        wall_minus_monotonic_ns: Wall-clock time minus CLOCK_MONOTONIC, ns.
         prepare: Called on the writer thread, which then also creates the file, so that the caller never waits for a
             disk. A RecordingError from it becomes the failure or limit. None: the file is created at once.
         place: Called after ``prepare`` with the path; returns the one to create. None: the path itself.
@@ -86,11 +83,9 @@ class Recorder:
     def __init__(
         self,
         path: Path,
+        head: RunHead,
         t_ns: int = 0,
         *,
-        config_text: str,
-        boot: str,
-        wall_minus_monotonic_ns: int,
         prepare: Callable[[], None] | None = None,
         place: Callable[[Path], Path] | None = None,
         limits: DiskLimits | None = None,
@@ -99,10 +94,8 @@ class Recorder:
         self._name = path.name
         self._prepare, self._place = prepare, place
         self._limits = limits
-        self._create = partial(
-            RecordingFile, config_text=config_text, boot=boot, wall_minus_monotonic_ns=wall_minus_monotonic_ns
-        )
-        self._file = self._create(path) if prepare is None else None
+        self._head = head
+        self._file = RecordingFile(path, head) if prepare is None else None
         self.outcome = ("starting", "") if self._file is None else ("running", "")
         self._queue: SimpleQueue[_Entry | None] = SimpleQueue()
         self._entries = 0
@@ -215,7 +208,7 @@ class Recorder:
                 self._prepare()
             if self._place is not None:
                 self.path = self._place(self.path)
-            self._file = file = file or self._create(self.path)
+            self._file = file = file or RecordingFile(self.path, self._head)
             self.outcome = ("running", "")
             self._write_until_closed(file)
             file.finish(self._entries)

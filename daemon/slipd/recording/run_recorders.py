@@ -13,13 +13,13 @@ from contextlib import ExitStack, closing
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from slipd.config import Config, Continuous
 from slipd.errors import RecordingError
 from slipd.events import Event, FirstEvents, Publish, Record, RecordingChanged
 from slipd.recording.incidents import Incidents
-from slipd.recording.mcap_file import EVENTS, RecordingFile, check_new
+from slipd.recording.mcap_file import EVENTS, RecordingFile, RunHead, check_new
 from slipd.recording.recorder import CLOSE_LIMIT_S, Recorder
 from slipd.recording.run_files import DiskLimits, RunFiles, check_folder, private_directory, state_dir
 from slipd.types.clocks import WallClock
@@ -27,8 +27,6 @@ from slipd_client.messages import GRASP_TOPIC, WARNING_TOPIC
 
 RUN_KIND = "run"
 """Kind of the files of the whole run."""
-
-T = TypeVar("T")
 
 MOST_UNFINISHED = 2
 """Ended recordings that may still be written when another starts; each holds a thread and up to 30 MB."""
@@ -167,7 +165,7 @@ class RunRecorders:
     """
 
     def __init__(self, config: Config, boot: str, wall: WallClock, record: Path | None) -> None:
-        self._config, self._boot, self._wall, self._record = config, boot, wall, record
+        self._config, self._boot, self._wall, self._path = config, boot, wall, record
         self._folder = Path(config.recording.directory or state_dir())
         self.active: list[Recorder | Incidents] = []
         self._whole: Recorder | None = None
@@ -184,22 +182,21 @@ class RunRecorders:
         disk = DiskLimits(limits.max_bytes, limits.min_free_bytes)
         disk_alone = DiskLimits(sys.maxsize, limits.min_free_bytes)
         check = partial(check_folder, self._folder, disk, limits.max_files)
-        make = partial(self._begin, Recorder, limits=disk, prepare=partial(self._prepare, check))
+        make = partial(self._record, limits=disk, prepare=partial(self._prepare, check))
         self._requested = enter(closing(RequestedRecordings(self._folder, make)))
         files = enter(closing(RunFiles(self._folder, self._boot)))
-        if self._record is not None:
-            self._whole = self._begin(Recorder, self._record, t_ns)
+        if self._path is not None:
+            self._whole = self._record(self._path, t_ns)
             self._stack.callback(self._close_whole, self._whole)
         elif limits.continuous.enabled:
             rule = limits.continuous
             tidy = partial(files.delete_oldest, RUN_KIND, rule.keep_files - 1, rule.keep_bytes - rule.file_bytes)
             prepare = partial(self._prepare, tidy)
-            make = partial(self._begin, Recorder, limits=disk_alone, prepare=prepare, place=files.place)
+            make = partial(self._record, limits=disk_alone, prepare=prepare, place=files.place)
             self._continuous = enter(closing(ContinuousRecording(self._folder, make, rule, self._name)))
         if limits.incidents.enabled:
             prepare = partial(self._prepare, partial(check_folder, self._folder, disk_alone, sys.maxsize))
-            create = partial(self._begin, RecordingFile)
-            self._incidents = enter(closing(Incidents(files, limits.incidents, self._name, create, prepare)))
+            self._incidents = enter(closing(Incidents(files, limits.incidents, self._name, self._create, prepare)))
         self._find_active()
 
     def _name(self, t_ns: int) -> str:
@@ -215,11 +212,15 @@ class RunRecorders:
         private_directory(self._folder)
         then()
 
-    def _begin(self, kind: Callable[..., T], path: Path, *now: int, **options: Any) -> T:
-        """Return a recorder or file that begins now, with what its head says of the run."""
-        wall_ns = self._wall.minus_monotonic_ns
-        about = {"config_text": self._config.text, "boot": self._boot, "wall_minus_monotonic_ns": wall_ns}
-        return kind(path, *now, **about, **options)
+    def _record(self, path: Path, t_ns: int, **options: Any) -> Recorder:
+        return Recorder(path, self._head(), t_ns, **options)
+
+    def _create(self, path: Path, first: int) -> RecordingFile:
+        return RecordingFile(path, self._head(), first=first)
+
+    def _head(self) -> RunHead:
+        """Return what the head of a file that begins now states of the run."""
+        return RunHead(self._config.text, self._boot, self._wall.minus_monotonic_ns)
 
     def _close_whole(self, whole: Recorder) -> None:
         if not self.kept:

@@ -16,7 +16,7 @@ from engine_rig import RIG, Run
 from project import DOCS
 
 from slipd.events import HostNotice, LinkDown, RecordingChanged
-from slipd.recording.mcap_file import EVENTS, RecordingFile
+from slipd.recording.mcap_file import EVENTS, RecordingFile, RunHead
 from slipd.recording.reader import open_recording
 from slipd_client.diagnose import REMOVED, Bundle, without_secrets
 from slipd_client.errors import CallError
@@ -191,9 +191,7 @@ def test_a_bundle_is_private_and_overwrites_nothing(tmp_path: Path) -> None:
 @pytest.fixture
 def recording(tmp_path: Path) -> Path:
     """A recording with a password in its config, in a message and in an event."""
-    file = RecordingFile(
-        tmp_path / "run.mcap", config_text=f'port = "{SECRET_URL}"\n', boot="b", wall_minus_monotonic_ns=0
-    )
+    file = RecordingFile(tmp_path / "run.mcap", RunHead(f'port = "{SECRET_URL}"\n', "b", 0))
     file.add(0, 1, EVENTS, LinkDown("pads", f"{SECRET_URL} does not answer"))
     file.add(1, 2, "status", encode({"streams": [{"address": SECRET_URL, "rate_hz": 0.1}]}))
     file.finish(2)

@@ -29,7 +29,7 @@ class Run:
         self.folder, self.prepare = folder, prepare
         self.recording = ContinuousRecording(
             folder,
-            lambda path, t_ns: Recorder(path, t_ns, prepare=lambda: self.prepare(), **ABOUT_RUN),
+            lambda path, t_ns: Recorder(path, ABOUT_RUN, t_ns, prepare=lambda: self.prepare()),
             Continuous(**limits),
             lambda t_ns: f"{WallClock(0).stamp(t_ns)}-b00t",
         )

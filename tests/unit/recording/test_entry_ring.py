@@ -14,7 +14,7 @@ from slipd.engine.engine import Engine
 from slipd.events import Bytes, LinkUp, Publish, StateRestored
 from slipd.recording.entry_walk import Entry
 from slipd.recording.incidents import EntryRing
-from slipd.recording.mcap_file import EVENTS, RecordingFile
+from slipd.recording.mcap_file import EVENTS, RecordingFile, RunHead
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
 
@@ -24,7 +24,7 @@ UP = LinkUp("left.wrench", "a")
 
 def written(ring: EntryRing, path: Path) -> list:
     """Write a ring, and return its entries."""
-    ring.write(RecordingFile(path, **ABOUT_RUN, first=ring.first))
+    ring.write(RecordingFile(path, ABOUT_RUN, first=ring.first))
     return complete(path)
 
 
@@ -67,7 +67,7 @@ def test_the_zero_of_a_device_that_told_its_name_before_the_ring_begins_is_that_
         heard += [output for output in engine.handle(event, t_ns) if isinstance(output, Publish)]
         if n % 50 == 0:
             ring.begin_block(engine.kept.first_events(t_ns), t_ns)
-    ring.write(RecordingFile(tmp_path / "ring.mcap", config_text=run.config_text, **clock, first=ring.first))
+    ring.write(RecordingFile(tmp_path / "ring.mcap", RunHead(run.config_text, **clock), first=ring.first))
     assert ring.first > 0
     live = [output.body for output in heard if output.topic == "slip.left"][-1]
     again = [body for topic, body in replay(open_recording(tmp_path / "ring.mcap")) if topic == "slip.left"][-1]

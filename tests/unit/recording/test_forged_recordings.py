@@ -193,7 +193,7 @@ def test_the_unpacked_size_of_a_whole_file_is_bounded(forge: Forge) -> None:
 
 def test_the_most_compressible_of_what_slipd_writes_is_read(tmp_path: Path) -> None:
     """A device that sends only zeros, in the longest possible pieces."""
-    file = mcap_file.RecordingFile(tmp_path / "run.mcap", **ABOUT_RUN)
+    file = mcap_file.RecordingFile(tmp_path / "run.mcap", ABOUT_RUN)
     sizes = [65_507] * 1280 + [1 << 20] * 80
     for n, size in enumerate(sizes):
         file.add(n, n, EVENTS, Bytes("left.wrench", bytes(size)))

@@ -44,7 +44,7 @@ def incidents(folder: Path, prepare: Callable[[], None] = nothing, **limits: obj
         RunFiles(folder, "b00t"),
         Limits(**limits),
         name_at,
-        lambda path, first: RecordingFile(path, first=first, **ABOUT_RUN),
+        lambda path, first: RecordingFile(path, ABOUT_RUN, first=first),
         prepare,
     )
 

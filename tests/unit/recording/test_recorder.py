@@ -26,9 +26,9 @@ WRITE_UNTIL_KILLED = """
 import sys, time
 from pathlib import Path
 from slipd.events import Bytes
-from slipd.recording.mcap_file import EVENTS
+from slipd.recording.mcap_file import EVENTS, RunHead
 from slipd.recording.recorder import Recorder
-recorder = Recorder(Path(sys.argv[1]), config_text="", boot="b", wall_minus_monotonic_ns=0)
+recorder = Recorder(Path(sys.argv[1]), RunHead("", "b", 0))
 def put(n):
     recorder.add(EVENTS, Bytes("left", n.to_bytes(40, "big")), 1_000_000 * n)
 for n in range(1000):
@@ -57,7 +57,7 @@ def record(recorder: Recorder, entries) -> None:
 
 
 def test_other_tools_find_msgpack_with_wall_clock_times_and_a_schema_on_every_channel(tmp_path: Path) -> None:
-    recorder = Recorder(tmp_path / "run.mcap", **ABOUT_RUN)
+    recorder = Recorder(tmp_path / "run.mcap", ABOUT_RUN)
     record(recorder, entries(40))
     recorder.close()
     recorder.close()
@@ -95,15 +95,15 @@ def test_K2_a_killed_writer_leaves_a_readable_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize("size", [0, 1, 100])
 def test_a_disk_that_fails_at_the_start_is_reported_at_once_and_keeps_no_file(tmp_path: Path, size: int) -> None:
     with small_disk(size), pytest.raises(RecordingError, match=r"run\.mcap: cannot be written: File too large"):
-        Recorder(tmp_path / "run.mcap", **ABOUT_RUN)
+        Recorder(tmp_path / "run.mcap", ABOUT_RUN)
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(RecordingError, match="/dev/full: cannot be written: No space left on device"):
-        Recorder(Path("/dev/full"), **ABOUT_RUN)
+        Recorder(Path("/dev/full"), ABOUT_RUN)
     assert Path("/dev/full").is_char_device()
 
 
 def test_a_disk_that_fails_after_the_last_entry_loses_none(tmp_path: Path) -> None:
-    recorder = Recorder(tmp_path / "run.mcap", **ABOUT_RUN)
+    recorder = Recorder(tmp_path / "run.mcap", ABOUT_RUN)
     with small_disk(1), pytest.raises(RecordingError, match=r"the recording stopped: File too large$"):
         recorder.close()
 
@@ -111,7 +111,7 @@ def test_a_disk_that_fails_after_the_last_entry_loses_none(tmp_path: Path) -> No
 @pytest.mark.parametrize("size", [5000, 100_000, 299_999])
 def test_K1_a_disk_that_fills_up_stops_the_recording_and_leaves_a_readable_beginning(tmp_path: Path, size: int) -> None:
     path, random = tmp_path / "run.mcap", Random(1)
-    recorder = Recorder(path, **ABOUT_RUN)
+    recorder = Recorder(path, ABOUT_RUN)
     with small_disk(size):
         for n in range(3000):
             recorder.add(EVENTS, Bytes("left", random.randbytes(100)), n)
@@ -141,7 +141,7 @@ def test_a_limit_ends_a_recording_in_good_order_and_costs_the_live_path_nothing(
     tmp_path: Path, limits: DiskLimits, limit: str
 ) -> None:
     queued = Signal()
-    recorder = Recorder(tmp_path / "run.mcap", **ABOUT_RUN, limits=limits, prepare=lambda: queued.wait())
+    recorder = Recorder(tmp_path / "run.mcap", ABOUT_RUN, limits=limits, prepare=lambda: queued.wait())
     record(recorder, entries(2000))
     queued.set()
     until(lambda: recorder.outcome[0] == "limited")
@@ -156,7 +156,7 @@ def test_a_limit_ends_a_recording_in_good_order_and_costs_the_live_path_nothing(
 def test_what_reached_the_file_before_the_disk_failed_is_not_called_lost(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    recorder = Recorder(tmp_path / "run.mcap", **ABOUT_RUN)
+    recorder = Recorder(tmp_path / "run.mcap", ABOUT_RUN)
     record(recorder, entries(100))
     until(lambda: readable(tmp_path / "run.mcap") == 100)
     monkeypatch.setattr(os, "fdatasync", lambda _: os.fsync(1 << 20))
@@ -177,7 +177,7 @@ def test_K1_a_disk_that_stalls_costs_entries_which_are_counted_and_leave_a_gap(
 
     monkeypatch.setattr(os, "fdatasync", fdatasync)
     monkeypatch.setattr(recorder_module, "QUEUE_LIMIT", 10)
-    recorder = Recorder(tmp_path / "run.mcap", **ABOUT_RUN)
+    recorder = Recorder(tmp_path / "run.mcap", ABOUT_RUN)
     assert stalled.wait(PATIENCE_S)
     record(recorder, entries(40))
     assert recorder.lost == 30
@@ -192,7 +192,7 @@ def test_K1_a_disk_that_stalls_costs_entries_which_are_counted_and_leave_a_gap(
 
 
 def test_an_entry_that_cannot_be_written_stops_the_recording_not_the_run(tmp_path: Path) -> None:
-    recorder = Recorder(tmp_path / "run.mcap", **ABOUT_RUN)
+    recorder = Recorder(tmp_path / "run.mcap", ABOUT_RUN)
     recorder.add("slip.left", bytes(ENTRY_LIMIT_BYTES + 1), 0)
     recorder.add(EVENTS, Tick(), 1)
     with pytest.raises(RecordingError, match="must have at most"):
@@ -209,12 +209,12 @@ def test_K3_a_file_that_exists_or_cannot_be_created_is_reported_at_once(tmp_path
         (300 * "x", "cannot be created: File name too long"),
     ):
         with pytest.raises(RecordingError, match=f"{name}: {why}"):
-            Recorder(tmp_path / name, **ABOUT_RUN)
+            Recorder(tmp_path / name, ABOUT_RUN)
     assert (tmp_path / "run.mcap").read_text() == "precious"
 
 
 def test_K3_a_file_that_is_deleted_while_it_is_written_is_reported(tmp_path: Path) -> None:
-    recorder = Recorder(tmp_path / "run.mcap", **ABOUT_RUN)
+    recorder = Recorder(tmp_path / "run.mcap", ABOUT_RUN)
     recorder.add("status", b"\x80", 1)
     (tmp_path / "run.mcap").unlink()
     until(lambda: recorder.outcome[0] == "failed")

@@ -10,7 +10,7 @@ from slipd import config
 from slipd.engine.engine import Engine
 from slipd.errors import ConfigError, RecordingError
 from slipd.events import Bytes, Event, LinkDown, LinkUp, Publish, Reply, Request, Tick
-from slipd.recording.mcap_file import EVENTS
+from slipd.recording.mcap_file import EVENTS, RunHead
 from slipd.recording.reader import Recording, open_recording
 from slipd.recording.recorder import Recorder
 from slipd.recording.replay import PlaybackPace, replay
@@ -67,7 +67,7 @@ def live(trial: Recording, tmp_path: Path) -> Recording:
     """A live run of the disturbed trial, recorded as by the service."""
     engine = Engine(config.parse(TWO_PADS, "two_pads.toml"), boot=BOOT, wall_minus_monotonic_ns=WALL_NS)
     path = tmp_path / "live.mcap"
-    recorder = Recorder(path, config_text=TWO_PADS, boot=BOOT, wall_minus_monotonic_ns=WALL_NS)
+    recorder = Recorder(path, RunHead(TWO_PADS, BOOT, WALL_NS))
     refused = 0
     for t_ns, event in eventful(trial):
         recorder.add(EVENTS, event, t_ns)
@@ -126,7 +126,7 @@ def test_pace_lets_recorded_time_pass_at_its_speed_and_makes_up_for_time_spent_e
 def test_a_recording_whose_config_is_wrong_or_lacks_a_link_is_reported(
     tmp_path: Path, config_text: str, error: type[Exception], fault: str
 ) -> None:
-    recorder = Recorder(tmp_path / "run.mcap", config_text=config_text, boot="b", wall_minus_monotonic_ns=0)
+    recorder = Recorder(tmp_path / "run.mcap", RunHead(config_text, "b", 0))
     recorder.add(EVENTS, LinkUp("middle.pad", ""), 1)
     recorder.close()
     with pytest.raises(error, match=fault):

@@ -16,7 +16,7 @@ from slipd.errors import RecordingError
 from slipd.events import LinkUp, Record, RecordingChanged, Tick
 from slipd.recording import recorder, run_recorders
 from slipd.recording.entry_walk import Entry
-from slipd.recording.mcap_file import EVENTS
+from slipd.recording.mcap_file import EVENTS, RunHead
 from slipd.recording.recorder import START_LIMIT_NS, Recorder
 from slipd.recording.run_files import DiskLimits, check_folder, private_directory, state_dir
 from slipd.recording.run_recorders import MOST_UNFINISHED, RequestedRecordings
@@ -25,7 +25,7 @@ LIMITS = DiskLimits(max_bytes=10**9, min_free_bytes=0)
 
 
 def make(path: Path, t_ns: int, prepare: Callable[[], None], limits: DiskLimits = LIMITS) -> Recorder:
-    return Recorder(path, t_ns, config_text="", boot="b", wall_minus_monotonic_ns=0, prepare=prepare, limits=limits)
+    return Recorder(path, RunHead("", "b", 0), t_ns, prepare=prepare, limits=limits)
 
 
 def held(disk: threading.Event, state: Path) -> Callable[[], None]:

@@ -13,7 +13,7 @@ from slipd import config
 from slipd.engine.engine import Engine
 from slipd.errors import RecordingError
 from slipd.events import Event, LinkSpec, LinkUp, Request, Tick
-from slipd.recording.mcap_file import EVENTS, RecordingFile
+from slipd.recording.mcap_file import EVENTS, RecordingFile, RunHead
 from slipd.tools.cli_arguments import IMPORTED
 from slipd.tools.outputs import NEW, draft
 from slipd.tools.shipped_files import shipped_config
@@ -98,7 +98,7 @@ def write_run(out: Path, config_text: str, link: LinkSpec, last_ns: int, *events
     up = [(START_NS, LinkUp(link.name, link.address))]
     ticks = ((t_ns, Tick()) for t_ns in range(START_NS, last_ns + AFTER_NS + 1, TICK_NS))
     with draft(out, NEW) as path:
-        file = RecordingFile(path, config_text=config_text, boot=BOOT, wall_minus_monotonic_ns=0)
+        file = RecordingFile(path, RunHead(config_text, BOOT, 0))
         with contextlib.closing(file):
             count = 0
             for t_ns, event in heapq.merge(up, *events, ticks, key=lambda timed: timed[0]):

@@ -28,7 +28,7 @@ from slipd.errors import RecordingError
 from slipd.events import Bytes
 from slipd.io.progress import Progress
 from slipd.recording.entry_walk import Entry, EntryWalk
-from slipd.recording.mcap_file import STOPPED, RecordingFile
+from slipd.recording.mcap_file import STOPPED, RecordingFile, RunHead
 from slipd.recording.mcap_records import BAD_RECORD, HEAD, RECORD_LIMIT_BYTES, DamageError, inner_records, unpack_chunk
 from slipd.recording.reader import Recording, open_recording
 from slipd.tools.outputs import NEW, draft
@@ -77,14 +77,9 @@ def recover(
         mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data,
     ):
         found = Recovered(data, recording)
-        new = RecordingFile(
-            written,
-            config_text=clean(recording.config_text),
-            boot=recording.boot,
-            wall_minus_monotonic_ns=recording.wall_minus_monotonic_ns,
-            versions=recording.versions,
-            first=recording.first,
-        )
+        text, wall_ns = clean(recording.config_text), recording.wall_minus_monotonic_ns
+        head = RunHead(text, recording.boot, wall_ns, recording.versions)
+        new = RecordingFile(written, head, first=recording.first)
         cleaned = None if clean is str else _cleaning(lru_cache(maxsize=10_000)(clean))
         with closing(new):
             for entry in found.read():

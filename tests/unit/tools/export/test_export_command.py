@@ -9,7 +9,7 @@ from recorded_entries import small_disk
 from replays import RECORDINGS
 
 from slipd import cli
-from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.mcap_file import RecordingFile, RunHead
 from slipd.tools.cli_arguments import EXPORTS as FORMATS
 
 RUN = RECORDINGS / "xela.mcap"
@@ -51,7 +51,7 @@ def test_a_disk_that_is_full_leaves_nothing_behind(
 
 def test_a_recording_without_an_event_is_refused(tmp_path: Path, rig: str, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "empty.mcap"
-    recording = RecordingFile(file, config_text=rig, boot="b", wall_minus_monotonic_ns=0)
+    recording = RecordingFile(file, RunHead(rig, "b", 0))
     recording.finish(0)
     recording.close()
     assert export(file, tmp_path / "out", to="ros2") == 1

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from slipd.devices import bota
 from slipd.errors import UsageError
 from slipd.events import Bytes, Event, LinkDown, LinkUp, Request, Tick
-from slipd.recording.mcap_file import EVENTS, RecordingFile
+from slipd.recording.mcap_file import EVENTS, RecordingFile, RunHead
 from slipd.signals.gravity import STANDARD_GRAVITY_MPS2, FingerWeight
 from slipd.signals.mounting import mounting_matrix
 from slipd.tools.commission.weight_identification import Identification
@@ -93,7 +93,7 @@ class Session:
 
     def identify(self, folder: Path, finger: str = "left") -> Identification:
         """Record the run, and identify the weight from it."""
-        file = RecordingFile(folder / "run.mcap", config_text=CONFIG, boot="b", wall_minus_monotonic_ns=10**18)
+        file = RecordingFile(folder / "run.mcap", RunHead(CONFIG, "b", 10**18))
         for n, (t_ns, event) in enumerate(self.events):
             file.add(n, t_ns, EVENTS, event)
         file.finish(len(self.events))

@@ -107,13 +107,13 @@ def test_a_damaged_summary_of_a_file_without_its_first_chunk_leaves_nothing(tmp_
 
 
 def test_versions_boot_and_first_index_of_the_run_are_kept(tmp_path: Path) -> None:
-    file = RecordingFile(tmp_path / "run.mcap", **ABOUT_RUN, versions={"slipd": "0.0.1"}, first=40)
+    file = RecordingFile(tmp_path / "run.mcap", ABOUT_RUN._replace(versions={"slipd": "0.0.1"}), first=40)
     for entry in entries(60)[40::2]:
         file.add(*entry)
     file.finish(60)
     recover(tmp_path / "run.mcap", tmp_path / "out.mcap")
     out = open_recording(tmp_path / "out.mcap")
-    assert (out.versions, out.first, out.boot) == ({"slipd": "0.0.1"}, 40, ABOUT_RUN["boot"])
+    assert (out.versions, out.first, out.boot) == ({"slipd": "0.0.1"}, 40, ABOUT_RUN.boot)
 
 
 def test_the_command_prints_what_is_missing_and_where(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
