@@ -26,7 +26,6 @@ from slipd.grasp.object_estimate import (
     ObjectEstimate,
     ObjectState,
     gripped_again,
-    unknown_object,
 )
 from slipd.grasp.pad_place import Place
 from slipd.grasp.swing_estimate import SwingEstimate, spin_about
@@ -49,10 +48,10 @@ SAME_WEIGHT = 0.03
 SAME_READINGS = 10
 """… in so many readings in a row, 0.2 s: then no table carries a part of it."""
 
-NO_SENSOR = unknown_object("a force sensor is needed in both fingers")
-NOT_TARED = unknown_object("a finger is not tared")
-NO_MOTION = unknown_object(
-    "what the gripper feels is unknown: no arm stream ([grasp.arm]), and no gravity (gravity.set)"
+NO_SENSOR = ObjectState(unknown="a force sensor is needed in both fingers")
+NOT_TARED = ObjectState(unknown="a finger is not tared")
+NO_MOTION = ObjectState(
+    unknown="what the gripper feels is unknown: no arm stream ([grasp.arm]), and no gravity (gravity.set)"
 )
 
 

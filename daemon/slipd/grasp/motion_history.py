@@ -35,18 +35,14 @@ class MotionHistory:
     def add(self, sample: ArmSample, t_ns: int) -> None:
         """Add the reading of ``t_ns``; if it is not newer than the newest one, drop all earlier readings first."""
         if t_ns <= self.newest_ns:
-            self.forget()
+            self._times_ns.clear()
+            self._rows.clear()
         turning = sample.angular_acceleration_radps2
         parts = sample.gravity_mps2, sample.angular_velocity_radps, (np.nan,) * 3 if turning is None else turning
         self._times_ns.append(t_ns)
         self._rows.append(np.concatenate(parts))
         old = bisect_right(self._times_ns, t_ns - KEPT_NS)
         del self._times_ns[:old], self._rows[:old]
-
-    def forget(self) -> None:
-        """Forget all readings."""
-        self._times_ns.clear()
-        self._rows.clear()
 
     def gravity(self, t_ns: int) -> Array | None:
         """Return the apparent gravity at ``t_ns``, shape (3,), m/s²; None where it is not known."""

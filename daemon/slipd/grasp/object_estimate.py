@@ -23,8 +23,6 @@ import numpy as np
 
 from slipd.types.arrays import Array, cross_matrix
 
-Vector = tuple[float, float, float]
-
 
 @dataclass(slots=True, frozen=True)
 class ObjectState:
@@ -40,19 +38,14 @@ class ObjectState:
         unknown: Why mass or centre of mass is unknown, for people; "" where both are known.
     """
 
-    mass_kg: float | None
-    mass_std_kg: float | None
-    com_m: Vector | None
-    com_std_m: Vector | None
-    unknown: str
+    mass_kg: float | None = None
+    mass_std_kg: float | None = None
+    com_m: tuple[float, ...] | None = None
+    com_std_m: tuple[float, ...] | None = None
+    unknown: str = ""
 
 
-def unknown_object(why: str) -> ObjectState:
-    """Return an object of which nothing is known; ``why``: the reason for people."""
-    return ObjectState(None, None, None, None, why)
-
-
-NOTHING_HELD = unknown_object("nothing is held")
+NOTHING_HELD = ObjectState(unknown="nothing is held")
 
 
 def gripped_again(known: ObjectState, regrip_std_m: float) -> ObjectState:
@@ -62,8 +55,7 @@ def gripped_again(known: ObjectState, regrip_std_m: float) -> ObjectState:
         known: Mass and centre of mass, both known.
         regrip_std_m: How far it may be gripped from where it was then, as a standard deviation of each component, m.
     """
-    x, y, z = (math.hypot(std, regrip_std_m) for std in known.com_std_m or ())
-    return replace(known, com_std_m=(x, y, z))
+    return replace(known, com_std_m=tuple(math.hypot(std, regrip_std_m) for std in known.com_std_m or ()))
 
 
 SCALE_STD = 0.01
@@ -131,7 +123,7 @@ class ObjectEstimate:
         self._covariance = np.diag([FREE_MASS_KG**2, free**2, free**2, free**2, *[0.0] * 6])
         self._begun, self._rejected, self.recognised = False, 0, False
         self._least, self._most = np.full(3, math.inf), np.full(3, -math.inf)
-        self.state = unknown_object(why)
+        self.state = ObjectState(unknown=why)
 
     def recognise(self, known: ObjectState) -> None:
         """Go on with what an earlier grasp showed of the object: its weight shows that nothing else carries it.
@@ -207,13 +199,13 @@ class ObjectEstimate:
     def _summary(self, *, placed: bool, lever_m: float) -> ObjectState:
         """Return what is known, with the errors of scale that no turn can show."""
         if not self.recognised and float(np.linalg.norm(self._most - self._least)) < MOVED_MPS2:
-            return unknown_object(NOT_MOVED)
+            return ObjectState(unknown=NOT_MOVED)
         mass, own = float(self._mean[0]), self._covariance
         mass_std = math.hypot(math.sqrt(own[0, 0]), SCALE_STD * mass)
         if mass < SIGNIFICANT * mass_std:
-            return unknown_object(LIGHT)
+            return ObjectState(unknown=LIGHT)
         if not placed:
-            return ObjectState(mass, mass_std, None, None, NO_WIDTH)
+            return ObjectState(mass, mass_std, unknown=NO_WIDTH)
         com = self._mean[1:4] / mass
         slope = np.column_stack((-com, np.eye(3))) / mass
         spread = slope @ own[:4, :4] @ slope.T
@@ -222,10 +214,5 @@ class ObjectEstimate:
         if std.max() > KNOWN_COM_M:
             axis = AXES[int(np.argmax(std))]
             why = f"the centre of mass is unknown along {axis} of the gripper: turn the gripper"
-            return ObjectState(mass, mass_std, None, None, why)
-        return ObjectState(mass, mass_std, _vector(com), _vector(std), "")
-
-
-def _vector(values: Array) -> Vector:
-    x, y, z = values.tolist()
-    return x, y, z
+            return ObjectState(mass, mass_std, unknown=why)
+        return ObjectState(mass, mass_std, tuple(com.tolist()), tuple(std.tolist()))

@@ -17,7 +17,7 @@ from slipd.fusion.streaming import new_readings
 from slipd.grasp.arm_gravity import ERROR_MPS2, ArmGravity
 from slipd.grasp.motion_advice import ARM_SILENT, GYRATION_M, NO_ARM, NO_GRAVITY
 from slipd.grasp.motion_answers import MotionCheck, MotionLimits
-from slipd.grasp.object_estimate import NOT_MOVED, NOTHING_HELD, ObjectState, unknown_object
+from slipd.grasp.object_estimate import NOT_MOVED, NOTHING_HELD, ObjectState
 from slipd.grasp.swing_estimate import Swing
 from slipd.types.arrays import Array
 from slipd.types.samples import ArmSample
@@ -63,7 +63,7 @@ def test_a_turn_is_limited_by_the_inertia_and_by_the_lever_of_the_object() -> No
 @pytest.mark.parametrize("carried", [0.0, 0.4])
 def test_a_known_object_that_still_stands_on_a_table_is_advised_as_if_it_were_lifted(carried: float) -> None:
     lifted, advised = Advised(firm(0.4)), Advised(firm(0.4))
-    advised.view.object, advised.view.supported = unknown_object(NOT_MOVED), advised.own
+    advised.view.object, advised.view.supported = ObjectState(unknown=NOT_MOVED), advised.own
     for _ in range(40):
         advised.feel(DOWN, STILL, carried=carried)
     limits = advised.limits()
