@@ -16,6 +16,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import NamedTuple
 
@@ -108,6 +109,7 @@ def in_processes(work: Work) -> Iterator[Finished]:
     cores = len(os.sched_getaffinity(0))
     pool: ProcessPoolExecutor | None = None  # started with the first job; not needed if every result is cached
 
+    @_uninterrupted()
     def submit(job: Job) -> Future[Run]:
         nonlocal pool
         if pool is not None:
@@ -133,9 +135,32 @@ def in_processes(work: Work) -> Iterator[Finished]:
 def _alone(job: Job) -> Run:
     with _pool(1) as pool:
         try:
-            return pool.submit(replay_job, job).result()
+            with _uninterrupted():
+                future = pool.submit(replay_job, job)
+            return future.result()
         except BrokenProcessPool:
             return f"{job.path}: the process that replayed it ended; is there enough memory?"
+
+
+@contextlib.contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Hold Ctrl-C back while processes start, which would end with tracebacks.
+
+    They inherit the mask; this process needs a handler too, because a thread of a library may receive the signal.
+    """
+    pressed: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: pressed.append(number))
+    resource_tracker.ensure_running()  # its start would lift the mask
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        signal.signal(signal.SIGINT, before)
+    if pressed:
+        for child in multiprocessing.active_children():
+            child.terminate()
+        raise KeyboardInterrupt
 
 
 def _pool(processes: int) -> ProcessPoolExecutor:
@@ -147,6 +172,7 @@ def _pool(processes: int) -> ProcessPoolExecutor:
 def _begin_worker() -> None:
     """Let Ctrl-C end this process at once, without a traceback, and the end of the batch too, however it ends."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     threading.Thread(target=_end_with_batch, daemon=True).start()
 
 
