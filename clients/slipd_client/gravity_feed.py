@@ -162,7 +162,7 @@ class _Feed:
         else:
             self._well_s = time.monotonic()
             if first and self.reply.get("gravity") == "none":
-                text = f"the config gives finger {self._finger} no mass_kg, so gravity changes nothing"
+                text = f"the config gives finger {self._finger} no mass_kg: no weight is subtracted"
                 print(f"slipctl: {text}", file=sys.stderr)
 
 

@@ -50,7 +50,7 @@ def test_one_orientation_is_sent_once_or_repeated(daemon: Daemon, call: Call, st
     assert call(*gravity, "0", "0", "-9.81") == (0, 'gravity: "compensated"\n', "")
     assert call(*gravity, "0", "0", "0", "1", "--hold", "0.35")[0] == 0
     daemon.handlers["gravity.set"] = lambda _: {"gravity": "none"}
-    said = "slipctl: the config gives finger left no mass_kg, so gravity changes nothing\n"
+    said = "slipctl: the config gives finger left no mass_kg: no weight is subtracted\n"
     assert call(*gravity, "1", "0", "0", "--hold", "0.15") == (0, 'gravity: "none"\n', said)
     assert vectors(daemon) == [[0.0, 0.0, -9.81], *[[0.0, 0.0, -9.80665]] * 5, *[[1.0, 0.0, 0.0]] * 3]
 
