@@ -214,7 +214,7 @@ def measure(
             raise_threads(ear.pid, priority)
             raise_threads(hand.pid, priority)
         if served.requests:
-            _tare(served.requests, sorted({stream.name.partition(".")[0] for stream in streams}))
+            tare(served.requests, sorted({stream.name.partition(".")[0] for stream in streams}))
         hand.told("measuring")
         begin_s, cpu_s = time.monotonic(), served.cpu_s()
         outcomes = json.loads("{" + hand.told("{"))
@@ -231,8 +231,12 @@ def measure(
     return Measured(latency_us, count - first, cpu_s, seconds, outcomes, heard)
 
 
-def _tare(requests: str, fingers: Sequence[str]) -> None:
-    """Tare the free fingers once their sensors deliver: without a zero there is no verdict to measure."""
+def tare(requests: str, fingers: Sequence[str]) -> None:
+    """Tare the free fingers once their sensors deliver: without a zero there is no verdict to measure.
+
+    Raises:
+        BenchError: A tare is refused, or its sensors do not deliver in time.
+    """
     until_s = time.monotonic() + traffic.FREE_S
     with GripClient(requests) as client:
         for finger in fingers:

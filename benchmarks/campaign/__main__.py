@@ -4,7 +4,7 @@
     PYTHONPATH=tests/support:benchmarks python -m campaign [--hours H] [--seed S] [--episodes N]
 
 Every message is checked: its verdict against the true contact and the state of each stream, its numbers and its times.
-The counts are printed; no file is written. An episode with a fault is printed with its seed;
+The counts are printed; no file is written. An episode that goes wrong is printed with its seed;
 ``--seed S --episodes 1`` repeats it to the byte.
 """
 
@@ -26,7 +26,7 @@ MOST_TOLD = 10
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Play the episodes; return 1 if any showed a fault, else 0."""
+    """Play the episodes; return 1 if any went wrong, else 0."""
     parser = argparse.ArgumentParser(
         prog="python -m campaign", description="Run the engine under random faults in simulated time."
     )
@@ -48,7 +48,8 @@ def main(argv: list[str] | None = None) -> int:
     took_s = time.perf_counter() - begun_s
     print(
         f"{count} episodes, {simulated_s / 3600:.2f} hours in {took_s:.0f} s ({simulated_s / took_s:.1f} times real "
-        f"time), {messages} messages; {failed} episodes with faults; seeds {options.seed} to {options.seed + count - 1}"
+        f"time), {messages} messages; {failed} episodes that went wrong; "
+        f"seeds {options.seed} to {options.seed + count - 1}"
     )
     return 1 if failed else 0
 
@@ -66,7 +67,7 @@ def _tell(episode: Episode) -> None:
     for happened in episode.story[-3:]:
         print(f"  {happened}")
     for fault in episode.faults[:MOST_TOLD]:
-        print(f"  FAULT {fault}", flush=True)
+        print(f"  WRONG {fault}", flush=True)
 
 
 if __name__ == "__main__":

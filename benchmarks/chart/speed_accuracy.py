@@ -164,8 +164,11 @@ def _cost(scaling: Scaling) -> Table:
     for k, count in enumerate(scaling.taxels):
         cells = (1e6 * seconds[k] for seconds in scaling.seconds.values())
         table.rows.append((str(count), *("–" if math.isnan(cell) else float(cell) for cell in cells)))
-    slopes = ", ".join(f"{short} {scaling.slope(short):.2f}" for short in scaling.seconds)
-    table.notes.append(f"Exponent of the cost in the taxels, fitted over the large contacts (1 is linear): {slopes}.")
+    slopes = [f"{short} {slope:.2f}" for short in scaling.seconds if math.isfinite(slope := scaling.slope(short))]
+    if slopes:  # the quick run has one large contact
+        table.notes.append(
+            f"Exponent of the cost in the taxels, fitted over the large contacts (1 is linear): {', '.join(slopes)}."
+        )
     return table
 
 

@@ -8,13 +8,16 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from bench import processes
 from bench.child import BenchError, Child
 from bench.tables import Table
 from project import MODULES
@@ -84,6 +87,7 @@ def _read_alone(folder: Path, seconds: float) -> float:
     environment = os.environ | {"PYTHONPATH": MODULES}
     with Child([sys.executable, "-m", "soak.devices", plan], folder, env=environment) as hand:
         hand.told(pads[FINGERS[-1]])
+        os.kill(hand.pid, signal.SIGUSR1)
         with Child([sys.executable, "-m", "soak.reading", plan], folder, env=environment) as process:
             process.told("reading")
             time.sleep(WARM_UP_S)
@@ -116,7 +120,10 @@ def _load(
     with Child(emulate, folder, env=environment) as hand, Child(daemon, folder, env=environment) as process:
         hand.told(pads[FINGERS[-1]])
         publish, requests = process.told("publish:"), process.told("requests:")
-        _wait(requests)
+        _wait(requests, lambda stream: stream["rate_hz"])
+        processes.tare(requests, FINGERS)
+        _wait(requests, lambda stream: stream["tare_origin"])  # a pad's is observed after that of the force
+        os.kill(hand.pid, signal.SIGUSR1)  # pressed from here on
         time.sleep(WARM_UP_S)
         ear = _Ear(publish)
         first, begin_s, cpu_s = _status(requests), time.monotonic(), _cpu_s(process.pid)
@@ -173,13 +180,14 @@ class _Ear:
         self._thread.join()
 
 
-def _wait(requests: str) -> None:
+def _wait(requests: str, ready: Callable[[dict[str, Any]], Any]) -> None:
+    """Wait until the status of every stream shows that it is ready."""
     until_s = time.monotonic() + OPEN_S
     while time.monotonic() < until_s:
-        if all(stream["rate_hz"] for stream in _status(requests)["streams"].values()):
+        if all(ready(each) for each in _status(requests)["streams"].values()):
             return
         time.sleep(0.1)
-    raise BenchError(f"the streams do not come within {OPEN_S:g} s: {_status(requests)['streams']}")
+    raise BenchError(f"the streams are not ready within {OPEN_S:g} s: {_status(requests)['streams']}")
 
 
 def _status(requests: str) -> dict[str, Any]:

@@ -1,9 +1,13 @@
-"""The sensors of two fingers, pressed, in a process of their own: ``python -m soak.devices PLAN``, a JSON `Plan`."""
+"""The sensors of two fingers in a process of their own: ``python -m soak.devices PLAN``, a JSON `Plan`.
+
+They are free until the process receives SIGUSR1, so that they can be tared, and pressed from then on.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import json
+import signal
 import sys
 from dataclasses import dataclass, replace
 
@@ -29,23 +33,34 @@ class Plan:
 
 
 def make(plan: Plan) -> list[tuple[str, Emulator, str]]:
-    """The devices, held in a contact that the demo's pads have."""
+    """The devices, free."""
     devices: list[tuple[str, Emulator, str]] = []
     for seed, (force_at, pad_at) in enumerate(plan.fingers):
         sensor = NetftSensor(seed, rate_hz=FORCE_HZ, block=RECORDS_A_DATAGRAM)
-        patch = Patch()
-        x_m, y_m = patch.centre_m
-        force = np.array((0.0, PULL_N, -NORMAL_N))  # the object pushes into the pad
-        torque = np.array((y_m * force[2], -x_m * force[2], x_m * force[1] + SPIN_NM))
-        sensor.feel(force, torque)
         image = PvdfPad(ROWS, COLS, replace(IDEAL, rate_hz=IMAGE_HZ, dwell_ns=DWELL_NS), seed)
-        image.press(COUNTS_PER_N * NORMAL_N * Pad().shares(patch))
         devices += [("netft", sensor, force_at), ("pvdf", image, pad_at)]
     return devices
+
+
+def press(devices: list[tuple[str, Emulator, str]]) -> None:
+    """Hold them in a contact that the demo's pads have."""
+    patch = Patch()
+    x_m, y_m = patch.centre_m
+    force = np.array((0.0, PULL_N, -NORMAL_N))  # the object pushes into the pad
+    torque = np.array((y_m * force[2], -x_m * force[2], x_m * force[1] + SPIN_NM))
+    for _, device, _ in devices:
+        if isinstance(device, NetftSensor):
+            device.feel(force, torque)
+        elif isinstance(device, PvdfPad):
+            device.press(COUNTS_PER_N * NORMAL_N * Pad().shares(patch))
+
+
+def _ready(devices: list[tuple[str, Emulator, str]]) -> None:
+    asyncio.get_running_loop().add_signal_handler(signal.SIGUSR1, press, devices)
+    print("\n".join(address for _, _, address in devices), flush=True)
 
 
 if __name__ == "__main__":
     made = make(Plan(json.loads(sys.argv[1])))
     prepare_process()
-    addresses = "\n".join(address for _, _, address in made)
-    asyncio.run(serve_until_ended(made, ready=lambda: print(addresses, flush=True)))
+    asyncio.run(serve_until_ended(made, ready=lambda: _ready(made)))

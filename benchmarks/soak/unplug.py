@@ -128,8 +128,11 @@ def _times(noticed_ms: dict[str, list[float]], reopened_ms: dict[str, list[float
     table.notes += [
         "Noticed: from the end of the pseudo-terminal to the report of the daemon; wanted: at most 5 ms.",
         "Reopened: from its return under the same path until the daemon has opened it; wanted: at most 100 ms.",
-        f"Long: {LONG_AWAY_S:g} s, after which the pauses between attempts have grown to their longest.",
     ]
+    if reopened_ms["long"]:
+        table.notes.append(
+            f"Long: {LONG_AWAY_S:g} s, after which the pauses between attempts have grown to their longest."
+        )
     return table
 
 
