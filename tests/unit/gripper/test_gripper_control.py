@@ -153,7 +153,7 @@ COURSES: dict[str, Callable[[], Course]] = {
     "an activation ends the grasp and what is reported meanwhile is no fault": lambda: (
         Bench(),
         [close(10.0), want("activate"), be(force_n=None), seen(0, active=False, fault="activation_needed"),
-         be(fault="")],
+         seen(1, active=False), seen(2, active=False, fault="activation_needed"), be(fault="")],
     ),
     "a reading of before the command ends no grasp, nor one before it was held": lambda: (
         Bench(),
@@ -298,6 +298,7 @@ def test_G3_what_the_gripper_does_not_have_is_refused(
         ({"force_n": None}, 6.0),
         ({"force_n": 6.4}, 6.0),
         ({"force_n": 8.0}, 8.0),
+        ({"force_n": 6.4, "reported_n": 9.0}, 6.4),
         ({"what": "contact_opening"}, None),
         ({"moving": True}, None),
         ({"width_m": None}, None),
@@ -305,12 +306,13 @@ def test_G3_what_the_gripper_does_not_have_is_refused(
     ],
 )
 def test_a_grip_that_was_kept_goes_on_where_the_gripper_confirms_it(now: dict[str, Any], force_n: float | None) -> None:
-    kept = KEPT.model_copy(update={"force_n": 6.0, "raised_n": 1.0, "reflexed_n": 2.0})
+    reported = {"reported_n": now.get("reported_n")}
+    kept = KEPT.model_copy(update={"force_n": 6.0, "raised_n": 1.0, "reflexed_n": 2.0} | reported)
     bench, confirmed = Bench("", Pad(None), heard=False), []
     be(conditions=[])(bench)
     bench.control.grip.restore(kept, lambda: confirmed.append(True))
     assert bench.control.grip.kept() == kept
-    seen(0, **{"what": "contact_closing"} | now)(bench)
+    seen(0, **{"what": "contact_closing"} | {key: now[key] for key in now.keys() - reported.keys()})(bench)
     policy = bench.control.policy
     be(force_n=force_n, conditions=[Health.ERROR] * (force_n is None))(bench)
     assert (policy.raised_n, policy.reflexed_n) == ((1.0, 2.0) if force_n == 6.0 else (0.0, 0.0))
