@@ -27,6 +27,10 @@ SPEED = "0.4"
 PRESSED_PX: Any = {"x": 330, "y": 130}
 """Where the mouse presses, from the upper left of the picture of the pad."""
 
+STEP = "document.getElementById('prompt').dataset.step"
+TOUCHES = {"centre": "press left 6 N", "push_x": "press left 6 N at 0 0 mm; push left +x 2.5 N"}
+"""What the hand does at the first steps of the commissioning."""
+
 WARNS = """['left', 'right'].every((finger) => slipd.cards.get(finger)?.level.textContent === 'WARNING'
     && slipd.cards.get(finger).drawn.pad.pole?.inside)"""
 
@@ -66,18 +70,21 @@ def take_emulated(into: Path) -> None:
             browser.open(rig.url)
             browser.until("slipd.cards.get('left')?.drawn.tactile && document.querySelector('.hand') !== null")
             browser.press(".tare", "left: zero taken of wrench")
+            browser.until("slipd.cards.get('left').drawn.tactile?.tare_origin")  # the pad's zero is observed after it
             browser.do(lambda page: page.click(".pad", position=PRESSED_PX))
             browser.until("slipd.cards.get('left').drawn.slip?.normal_n > 4.5")
             save(browser, into / "live_view_hand.png")
         rig.touch("release")
         with Browser(1000, 500) as browser:
             browser.do(lambda page: page.goto(rig.url.replace("/#", "/commission#")))
-            for step, command in (("centre", "press left 6 N"), ("end", "press left 6 N at 9 0 mm")):
-                browser.until(f"document.getElementById('prompt').dataset.step === '{step}'")
+            browser.until(f"{STEP} === 'begin'")
+            browser.click("#choices [data-word=begin]")
+            for step, command in TOUCHES.items():
+                browser.until(f"{STEP} === '{step}'")
                 rig.touch(command)
                 browser.until("document.getElementById('newest').textContent.endsWith('Let go.')")
                 rig.touch("release")
-            browser.until("document.getElementById('prompt').dataset.step === 'corner'")
+            browser.until(f"{STEP} === 'push_y'")
             save(browser, into / "live_view_commission.png")
 
 
