@@ -6,10 +6,9 @@ of it is gone. So a fall that slows down early shows slip before it has ended. I
 
 - before it and since the begin of the last slip, q rose steadily, neither in a bump nor to a push that was held, to a
   peak near the largest q that this grasp carried and near the coefficient of friction,
-- the fall is slower now than in its fastest part, by more than noise explains; much slower if it is so deep that a load
-  let go slows down as well,
+- the fall is slower now than in its fastest part, by more than noise explains,
 - it is more than the noise explains at the stated rate of false alarms, and more than the swings of the last second,
-- it is not the way back from a push: below the coefficient of friction, q falls farther than it rose before,
+- it is not the way back from a push: q falls farther than it rose before,
 - the load gives way along its own direction, the grip becomes no tighter, and the motion of the arm does not explain
   the fall.
 
@@ -36,9 +35,8 @@ LEAST_FALL = 0.025
 LEAST_STRETCH_S, STRETCH_SHARE = 0.004, 8
 """A rate is the difference of the means of two neighbouring stretches. Each is at least this long, s, and at least the
 fall's length divided by the second value."""
-SHALLOW, SLOWER, MUCH_SLOWER = 0.3, 0.75, 0.55
-"""A fall of less than SHALLOW of the peak has slowed down when its rate is at most SLOWER times its fastest rate, a
-deeper one at MUCH_SLOWER times that rate."""
+SLOWER = 0.75
+"""A fall has slowed down when its rate is at most so many times its fastest rate."""
 BACK = 0.3
 """Largest swing of q during the fall, as a part of the fall."""
 RATE_STDS = 5.5
@@ -55,9 +53,8 @@ RISE, RISE_S = 0.12, 0.12
 STRAIGHT, EARLY, LATE = 0.6, 0.15, 0.85
 """That rise is at least STRAIGHT of the total variation of q, which is larger in a swing. Its later half has between
 EARLY and LATE of it: a push that is held has less, a bump more."""
-PUSH, BEYOND_PUSH = 0.65, 1.08
-"""In a time as long as the fall before the peak, q rose by at most PUSH of the fall, unless the peak is beyond
-BEYOND_PUSH times the coefficient of friction."""
+PUSH = 0.65
+"""In a time as long as the fall before the peak, q rose by at most this part of the fall."""
 TIGHTER = 0.2
 """The normal force grows by at most this part of the growth that would explain the fall."""
 
@@ -86,7 +83,7 @@ def look_for_slow_fall(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
     if not _rises(ring, top, max(1, rise // 8), level, peak, RISE * dt):
         return
     risen = peak - mean_q(ring, max(k - 2 * back, k - count + level), level)
-    if not peak >= BEYOND_PUSH * mu and risen > PUSH * fall + 2.0 * noise / math.sqrt(level):
+    if risen > PUSH * fall + 2.0 * noise / math.sqrt(level):
         return
     tighter = mean_normal(ring, k, level) > (1.0 + TIGHTER * fall / peak) * mean_normal(ring, k - back, level)
     if not tighter and not is_explained(drop, ring, level, k - back, level, low, peak):
@@ -152,8 +149,7 @@ def _level_of_slowed_fall(ring: Rows, k: int, fallen: int, peak: float, noise: f
         last, fastest = mean_q(ring, k - stretch, stretch) - low, 0.0
         for back in range(stretch, fallen - stretch + 1, max(1, stretch // 2)):
             fastest = max(fastest, mean_q(ring, k - back - stretch, stretch) - mean_q(ring, k - back, stretch))
-        slower = SLOWER if peak - low < SHALLOW * peak else MUCH_SLOWER
-        if abs(last) <= slower * fastest - RATE_STDS * noise / math.sqrt(stretch):
+        if abs(last) <= SLOWER * fastest - RATE_STDS * noise / math.sqrt(stretch):
             return float(low)
         stretch *= 2
     return peak
