@@ -42,7 +42,6 @@ LOAD: dict[str, Mapping[str, float]] = {
     "slow: near the limit": {"slow_fall.FROM": 0.0},
     "slow: near the top": {"slow_fall.NEAR_TOP": 0.0},
     "slow: rise": {"slow_fall.RISE": 0.0},
-    "slow: straight": {"slow_fall.STRAIGHT": 0.0},
     "slow: steady": {"slow_fall.EARLY": -inf, "slow_fall.LATE": inf},
     "slow: push": {"slow_fall.PUSH": inf},
     "slow: tighter": {"slow_fall.TIGHTER": inf},

@@ -50,9 +50,8 @@ NEAR_TOP = 0.05
 """A fall begins where q was last above the peak less this part of the fall."""
 RISE, RISE_S = 0.12, 0.12
 """Before the fall, q rose for RISE_S, s, by at least RISE of its peak per second."""
-STRAIGHT, EARLY, LATE = 0.6, 0.15, 0.85
-"""That rise is at least STRAIGHT of the total variation of q, which is larger in a swing. Its later half has between
-EARLY and LATE of it: a push that is held has less, a bump more."""
+EARLY, LATE = 0.15, 0.85
+"""The later half of that rise has between EARLY and LATE of it: a push that is held has less, a bump more."""
 PUSH = 0.65
 """In a time as long as the fall before the peak, q rose by at most this part of the fall."""
 TIGHTER = 0.2
@@ -183,13 +182,7 @@ def _rises(ring: Rows, top: int, stride: int, level: int, peak: float, rate: flo
         peak: q at the peak.
         rate: Least rate, in parts of the peak a block.
     """
-    way, later, half = 0.0, peak, peak
-    for step in range(1, 9):
-        earlier = mean_q(ring, top - step * stride, level)
-        way += abs(later - earlier)
-        later = earlier
-        if step == 4:
-            half = earlier
-    risen = peak - later
+    half, begin = mean_q(ring, top - 4 * stride, level), mean_q(ring, top - 8 * stride, level)
+    risen = peak - begin
     steady = EARLY * risen <= peak - half <= LATE * risen
-    return bool(steady and risen >= max(rate * 8.0 * stride * peak, STRAIGHT * way))
+    return bool(steady and risen >= rate * 8.0 * stride * peak)
