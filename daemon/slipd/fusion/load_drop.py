@@ -8,8 +8,8 @@ let go, an object that is set down, a collision, a swing. A fall is a slip only 
 - it began at the largest q of the last tenth of a second, near the largest that this grasp carried without motion,
 - it is more than the noise, as stated and as measured, explains at the stated rate of false alarms, and more than twice
   any swing of the last second,
-- it ended on a plateau that is flat and has lasted longer than the fall: a load that is let go falls on, or swings about
-  its new value on the springs of the pads,
+- it ended on a plateau that is flat and has lasted longer than the fall: a load that is let go falls on, or swings
+  about its new value on the springs of the pads,
 - the load itself gave way, along its own direction, and not the grip that became tighter,
 - it is not the way back from a push, and the motion of the arm does not explain it (`slipd.fusion.explained`).
 
