@@ -43,6 +43,7 @@ LOAD: dict[str, Mapping[str, float]] = {
     "slow: near the top": {"slow_fall.NEAR_TOP": 0.0},
     "slow: rise": {"slow_fall.RISE": 0.0},
     "slow: steady": {"slow_fall.EARLY": -inf, "slow_fall.LATE": inf},
+    "slow: beyond the limit": {"slow_fall.BEYOND_PUSH": inf},
     "slow: push": {"slow_fall.PUSH": inf},
     "slow: tighter": {"slow_fall.TIGHTER": inf},
     "jump: flat": {"load_jump.FLAT": inf},

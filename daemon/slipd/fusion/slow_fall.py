@@ -8,7 +8,7 @@ of it is gone. So a fall that slows down early shows slip before it has ended. I
   peak near the largest q that this grasp carried and near the coefficient of friction,
 - the fall is slower now than in its fastest part, by more than noise explains,
 - it is more than the noise explains at the stated rate of false alarms, and more than the swings of the last second,
-- it is not the way back from a push: q falls farther than it rose before,
+- it is not the way back from a push: below the coefficient of friction, q falls farther than it rose before,
 - the load gives way along its own direction, the grip becomes no tighter, and the motion of the arm does not explain
   the fall.
 
@@ -52,8 +52,9 @@ RISE, RISE_S = 0.12, 0.12
 """Before the fall, q rose for RISE_S, s, by at least RISE of its peak per second."""
 EARLY, LATE = 0.15, 0.85
 """The later half of that rise has between EARLY and LATE of it: a push that is held has less, a bump more."""
-PUSH = 0.65
-"""In a time as long as the fall before the peak, q rose by at most this part of the fall."""
+PUSH, BEYOND_PUSH = 0.65, 1.08
+"""In a time as long as the fall before the peak, q rose by at most PUSH of the fall, unless the peak is beyond
+BEYOND_PUSH times the coefficient of friction."""
 TIGHTER = 0.2
 """The normal force grows by at most this part of the growth that would explain the fall."""
 
@@ -82,7 +83,7 @@ def look_for_slow_fall(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
     if not _rises(ring, top, max(1, rise // 8), level, peak, RISE * dt):
         return
     risen = peak - mean_q(ring, max(k - 2 * back, k - count + level), level)
-    if risen > PUSH * fall + 2.0 * noise / math.sqrt(level):
+    if not peak >= BEYOND_PUSH * mu and risen > PUSH * fall + 2.0 * noise / math.sqrt(level):
         return
     tighter = mean_normal(ring, k, level) > (1.0 + TIGHTER * fall / peak) * mean_normal(ring, k - back, level)
     if not tighter and not is_explained(drop, ring, level, k - back, level, low, peak):
