@@ -3,7 +3,11 @@
 Images are averaged over short blocks. Each block is compared with an earlier one of the same load, which is kept for
 some seconds: a shaken object comes back to a load, and a soft pad then to its place. The motion is fitted together with
 what load, tilt and growth do to an image (`slipd.motion.image_fit`). Where the force sensor measures the contact
-centroid, only the turn of that fit counts: `slipd.motion.centroid_shift` follows the shift.
+centroid, only the turn of that fit counts: `CentroidShift` follows the shift.
+
+The force sensor measures the centroid to micrometres, also where the edges of a contact lie between electrodes. What
+else may move it is listed in `slipd.motion.image_fit`, and needs the image to be told from a motion. Under a load that
+grows, and after one that was larger, a contact has moved by partial slip: the load rests from first to last.
 
 The path of the motion is tested against a random walk, whose steps are as large as the path's own are irregular. White
 noise strays less than that, and so does the noise of a drifting pad.
@@ -15,7 +19,6 @@ import math
 
 import numpy as np
 
-from slipd.motion.centroid_shift import CentroidShift
 from slipd.motion.evidence import Evidence, f_surprise
 from slipd.motion.image_blocks import BLOCK_S, Block, ImageBlocks, LoadNoise
 from slipd.motion.image_fit import MOTIONS, ImageComparison, ImageFit
@@ -25,7 +28,6 @@ from slipd.motion.shift_path import (
     EACH_SURPRISE,
     KEPT_NS,
     LEAST_M,
-    NOWHERE,
     KnownMotion,
     Motion,
     PathNoise,
@@ -42,6 +44,8 @@ MOST_TILT = 0.3
 """A stronger tilt, relative at the radius of gyration, may lift one edge off the pad, which looks like a motion."""
 SPIN_SHARE = 0.05
 """A spin torque below this share of the tangential force times the radius of gyration turns nothing."""
+
+_NOWHERE = np.zeros(MOTIONS)
 
 
 class ImageShift:
@@ -108,7 +112,7 @@ class ImageShift:
         self._paths = [path for path in self._paths if path.reference.t_ns >= oldest_ns]
         for path in self._paths:
             known_m = self._motion.shift_m(path)
-            if path.reference.same_load(block, NOWHERE if known_m is None else known_m):
+            if path.reference.same_load(block, _NOWHERE if known_m is None else known_m):
                 fit = self._images.fit(path.reference, block)
                 return None if fit is None else self._judge(fit, block, path)
         self._paths = [*self._paths[1 - REFERENCES :], ShiftPath(block, self._noise)]
@@ -134,7 +138,7 @@ class ImageShift:
             if not goes_on or pattern < EACH_SURPRISE:
                 return None
             if squares >= self._far_m**2:
-                path, shift = ShiftPath(block, self._noise), NOWHERE
+                path, shift = ShiftPath(block, self._noise), _NOWHERE
                 self._paths = [path]
             return self._find(Motion(block.t_ns, shift, known.surprise, path))
         beyond = squares > LEAST_M**2 and fit.tilt < MOST_TILT
@@ -185,3 +189,78 @@ def _pattern_surprise(fit: ImageFit, shift_m: Array) -> float:
     """Return −ln of the probability that taxels change like a motion by chance, by what the fit leaves over."""
     squares = min(float(fit.shift_m @ fit.precision @ fit.shift_m), float(shift_m @ fit.precision @ shift_m))
     return f_surprise(squares / MOTIONS / max(fit.scale, 1.0), MOTIONS, fit.freedom)
+
+
+GAP_NS = round(2.5e9 * BLOCK_S)
+"""Blocks further apart have another load between them."""
+LEAST_SCATTER = 4
+"""From as many images on, their scatter shows the noise of the contact centroid."""
+
+
+class CentroidShift:
+    """Follows the contact centroid over the blocks of one contact.
+
+    False alarms: as those of `ImageShift`.
+
+    Args:
+        images: Comparison of the images of the pad.
+        noise: Of the force sensor.
+
+    Attributes:
+        motion: What was found, as ``shift_m`` along the load, shape (1,). Once it is confirmed, only a further motion
+            is evidence, until the contact has rested.
+    """
+
+    def __init__(self, images: ImageComparison, noise: LoadNoise) -> None:
+        self._images, self._torque_nm = images, noise.torque_nm
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything: the contact ended, or the images did."""
+        self._noise: PathNoise | None = None
+        self._path: ShiftPath | None = None
+        self._last_ns, self._beyond_before = 0, False
+        self.motion = KnownMotion()
+
+    def update(self, block: Block) -> Evidence | None:
+        """Update with a block whose centroid is measured; return evidence where the contact moves."""
+        if self.motion.rests(block.t_ns):
+            self._path = None
+        path, rested = self._path, block.t_ns - self._last_ns <= GAP_NS
+        self._last_ns = block.t_ns
+        lasts = path is not None and rested and block.t_ns - path.reference.t_ns <= KEPT_NS
+        if path is None or not lasts or not path.reference.same_load(block, _NOWHERE):
+            self._begin(block)
+            return None
+        fx, fy, _, _, cx_m, cy_m = block.load.tolist()
+        x_m, y_m = cx_m - path.reference.load.item(4), cy_m - path.reference.load.item(5)
+        shift_m, load_n = np.array((x_m, y_m, 0.0)), max(math.hypot(fx, fy), 1e-300)
+        path.add(shift_m)
+        along_m, length_m = (fx * x_m + fy * y_m) / load_n, math.hypot(x_m, y_m)
+        known, known_m = self.motion.known, self.motion.shift_m(path)
+        least_m = LEAST_M if known is None else AGAIN_M + (0.0 if known_m is None else known_m.item())
+        beyond = along_m > max(least_m, ALONG * length_m)
+        lasts, self._beyond_before = beyond and (self._beyond_before or known is not None), beyond
+        goes_on = known is not None and length_m < LEAST_M  # the path is too short for the image to show
+        if not lasts or not (goes_on or self._images.shows_shift(path.reference, block, shift_m)):
+            return None
+        surprise = path.surprise(np.array((fx / load_n, fy / load_n, 0.0)), along_m)
+        surprise = surprise if known is None else max(surprise, known.surprise)
+        if surprise < EACH_SURPRISE:
+            return None
+        self.motion.found = Motion(block.t_ns, np.array((along_m,)), surprise, path)
+        return Evidence("image_change", block.t_ns, surprise)
+
+    def _begin(self, block: Block) -> None:
+        """Begin a path at a block."""
+        if self._noise is None:
+            self._noise = PathNoise(np.append(self._centroid_std_m(block), 0.0))
+        self._path, self._beyond_before = ShiftPath(block, self._noise), False
+
+    def _centroid_std_m(self, block: Block) -> Array:
+        """Return the noise of the mean centroid of a block, shape (2,): by its scatter, or as stated by few images."""
+        wrenches = block.wrenches
+        if len(wrenches) < LEAST_SCATTER:
+            return np.full(2, self._torque_nm / (float(block.load[2]) * math.sqrt(len(wrenches))))
+        centroids = wrenches[:, (4, 3)] / wrenches[:, 2:3]
+        return np.asarray(centroids.std(axis=0) / math.sqrt(len(wrenches) - 1))

@@ -39,9 +39,6 @@ KEPT_NS = 10_000_000_000
 FIRST_NS, SHORTEST_NS, LONGEST_NS = 200_000_000, 300_000_000, 800_000_000
 """It counts as moving for twice the time that this took, at least and at most for so long; then it rests."""
 
-NOWHERE = np.zeros(MOTIONS)
-"""The shift of a contact that has not moved, m."""
-
 
 class PathNoise:
     """Noise of the places of one contact.

@@ -9,10 +9,10 @@ import pytest
 from chirps import chirp
 from nanoseconds import MS
 
-from slipd.motion.centroid_shift import CentroidShift
 from slipd.motion.evidence import Evidence
 from slipd.motion.image_blocks import BLOCK_S, Block, LoadNoise
 from slipd.motion.image_fit import ImageComparison
+from slipd.motion.image_shift import CentroidShift
 from slipd.motion.shift_path import LONGEST_NS, KnownMotion, Motion, PathNoise, ShiftPath
 from slipd.signals.pad import PadGeometry
 
