@@ -31,8 +31,7 @@ NET_SHARE = 0.97
 TIPPING_DIRECTIONS = 16
 """Directions in which the contact may tip, beside the edges of its outline."""
 LEAST_LEVER = 0.02
-"""The lever of friction against a spin shrinks as the centroid comes near an edge, by the part of the way that it went;
-not below this."""
+"""The lever of friction against a spin shrinks to this least share as the centroid comes near an edge."""
 LEAST_ROOM_M = 1e-9
 """Room of an edge that the centroid has reached, so that quotients stay finite."""
 UNBOUNDED = 1e9
@@ -74,13 +73,9 @@ class HeldPad(NamedTuple):
     edges: Array
 
 
-def _even_directions() -> Array:
-    height = (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS
-    around, flat = np.arange(DIRECTIONS) * math.pi * (3.0 - math.sqrt(5.0)), np.sqrt(1.0 - height**2)
-    return np.stack((flat * np.cos(around), flat * np.sin(around), height))
-
-
-_EVEN = _even_directions()
+_HEIGHT = (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS
+_AROUND, _FLAT = np.arange(DIRECTIONS) * math.pi * (3.0 - math.sqrt(5.0)), np.sqrt(1.0 - _HEIGHT**2)
+_EVEN = np.stack((_FLAT * np.cos(_AROUND), _FLAT * np.sin(_AROUND), _HEIGHT))
 
 
 def twist_net(x: Array, y: Array, shares: Array, cx: float, cy: float) -> Array:

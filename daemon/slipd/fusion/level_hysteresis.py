@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 from slipd.fusion.compiled import compiled_part
-from slipd.fusion.load_noise import relative_noise
 from slipd.fusion.rows import Row
+from slipd.fusion.verdict_numbers import relative_noise
 
 DWELL_S = 0.25
 """A level is left only after the load stayed a hysteresis below its threshold for this time, s: the period of the

@@ -15,7 +15,6 @@ from slipd.fusion.friction_learning import Z
 from slipd.fusion.limit.frame import Load
 from slipd.fusion.limit.grip_factor import solve_grip_factor
 from slipd.fusion.limit.solve import GOAL, MAX_PASSES, Stop, torque_limit_of
-from slipd.fusion.load_noise import relative_noise
 from slipd.fusion.rows import TOUCHING, UNSOLVED, UNTRUSTED, Rows
 from slipd.types.arrays import Array
 
@@ -91,3 +90,31 @@ def _sum(values: Array) -> float:
     for k in range(values.size - rest, values.size):
         total += values[k]
     return float(total)
+
+
+@compiled
+def relative_noise(
+    force: tuple[float, float], spin: float, about: tuple[float, float], twist: tuple[float, float, float],
+    force_std: float, torque_std: float,
+) -> float:  # fmt: skip
+    """Return the relative standard deviation of a utilisation; 0 where no motion is known that would begin.
+
+    The gradient of λ with respect to the load is the motion that would begin, over its frictional power. Components of
+    force and torque about the pad's origin have independent noise.
+
+    Args:
+        force: Tangential force, N.
+        spin: Torque about the pad normal through ``about``, N·m.
+        about: Centroid of the contact, m.
+        twist: Velocity of that point (2) and angular velocity of the motion that would begin.
+        force_std: Standard deviation of each force component, N.
+        torque_std: Standard deviation of each torque component, N·m.
+
+    Source: envelope theorem on λ = max ℓ·q / D(q).
+    """
+    vx, vy, omega = twist
+    power = abs(force[0] * vx + force[1] * vy + spin * omega)
+    if not power > 0.0:
+        return 0.0
+    origin = math.hypot(vx + omega * about[1], vy - omega * about[0])
+    return math.hypot(origin * force_std, omega * torque_std) / power

@@ -18,7 +18,10 @@ from slipd.grasp.arm_motion import ArmMotion
 from slipd.grasp.grasp_view import GraspView
 from slipd.grasp.hold_state import NamedObject
 from slipd.grasp.object_estimate import (
+    NO_MOTION,
+    NO_SENSOR,
     NOT_MOVED,
+    NOT_TARED,
     NOTHING_HELD,
     SCALE_STD,
     WAITING,
@@ -43,16 +46,9 @@ SLOW_READINGS = 8
 """The orientation that requests set (`gravity.set`) is uncertain by its change over so many readings, 0.16 s."""
 EVEN_TURN_RADPS2 = 1.0
 """A faster change of the turn shows no swing, because the inertia of the object is not known."""
-SAME_WEIGHT = 0.03
-"""A named object is known again where the load differs from its weight by no more than this part of it …"""
-SAME_READINGS = 10
-"""… in so many readings in a row, 0.2 s: then no table carries a part of it."""
-
-NO_SENSOR = ObjectState(unknown="a force sensor is needed in both fingers")
-NOT_TARED = ObjectState(unknown="a finger is not tared")
-NO_MOTION = ObjectState(
-    unknown="what the gripper feels is unknown: no arm stream ([grasp.arm]), and no gravity (gravity.set)"
-)
+SAME_WEIGHT, SAME_READINGS = 0.03, 10
+"""A named object is known again where the load differs from its weight by no more than the first part of it, in so many
+readings in a row, 0.2 s: then no table carries a part of it."""
 
 
 class _Geometry(NamedTuple):
@@ -79,8 +75,7 @@ class _Load(NamedTuple):
     Attributes:
         t_ns: When it was.
         whole_n: Force with the weight of the fingers, shape (3,), N.
-        own: Force and torque without it, shape (6,); None where the weight is not known, or where nothing is held
-            firmly.
+        own: Force and torque without it, shape (6,); None where it is not known, or nothing is held firmly.
         grip_n: Mean normal force, N.
         middle_m: Point between both contacts, shape (3,), m; NaN where a pad touches nothing.
         geometry: Of the pads.
@@ -148,8 +143,7 @@ class HeldObject:
             self._swing = SwingEstimate()
 
     def _state(self, *, motion_known: bool) -> ObjectState:
-        first, second = self._sides
-        if not (first.finger.zero_known and second.finger.zero_known):
+        if not all(side.finger.zero_known for side in self._sides):
             return NOT_TARED
         if not all(self._touching):
             return NOTHING_HELD
@@ -263,8 +257,7 @@ class Side:
 
     def noise(self, place_m: Array) -> Array:
         """Return the covariance of the noise of force and torque about the origin, shape (6, 6)."""
-        lever = cross_matrix(place_m)
-        force = self.noise_n**2
+        lever, force = cross_matrix(place_m), self.noise_n**2
         return np.block(
             [
                 [force * np.eye(3), force * lever.T],

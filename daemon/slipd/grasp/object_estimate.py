@@ -46,6 +46,11 @@ class ObjectState:
 
 
 NOTHING_HELD = ObjectState(unknown="nothing is held")
+NO_SENSOR = ObjectState(unknown="a force sensor is needed in both fingers")
+NOT_TARED = ObjectState(unknown="a finger is not tared")
+NO_MOTION = ObjectState(
+    unknown="what the gripper feels is unknown: no arm stream ([grasp.arm]), and no gravity (gravity.set)"
+)
 
 
 def gripped_again(known: ObjectState, regrip_std_m: float) -> ObjectState:

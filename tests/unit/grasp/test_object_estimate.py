@@ -8,7 +8,7 @@ from nanoseconds import MS
 from scipy.spatial.transform import Rotation
 
 from slipd.grasp import object_estimate
-from slipd.grasp.motion_history import KEPT_NS, MOST_GAP_NS, MotionHistory
+from slipd.grasp.arm_motion import KEPT_NS, MOST_GAP_NS, MotionHistory
 from slipd.grasp.object_estimate import GripperMotion, ObjectEstimate, ObjectState, gripped_again
 from slipd.types.samples import ArmSample
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from slipd.fusion import utilisation
-from slipd.fusion.load_noise import relative_noise
+from slipd.fusion.verdict_numbers import relative_noise
 
 X, Y = (a.ravel() for a in np.meshgrid(np.arange(4) * 0.004 - 0.006, np.arange(3) * 0.004 - 0.004))
 FORCE_STD, TORQUE_STD, MU = 0.02, 2e-4, 0.5
