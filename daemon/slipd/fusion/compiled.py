@@ -13,8 +13,6 @@ writable directory to avoid it.
 
 from __future__ import annotations
 
-import functools
-import hashlib
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -22,6 +20,8 @@ from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 from numba.extending import register_jitable
+
+from slipd.types.source_stamp import source_stamp
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -34,17 +34,6 @@ KERNELS: list[Callable[..., Any]] = []
 
 PARTS: list[Callable[..., Any]] = []
 """Likewise every kernel that only kernels call."""
-
-
-@functools.cache
-def source_stamp(folder: Path) -> str:
-    """Return a hash of the names and contents of all Python files in and below a folder."""
-    digest = hashlib.sha256()
-    for path in sorted(folder.rglob("*.py")):
-        text = path.read_bytes()
-        digest.update(f"{path.relative_to(folder).as_posix()} {len(text)}\n".encode())
-        digest.update(text)
-    return digest.hexdigest()
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:

@@ -15,7 +15,7 @@ import pytest
 import slipd
 import slipd.fusion
 from slipd.fusion import compiled
-from slipd.fusion.compiled import source_stamp
+from slipd.types.source_stamp import source_stamp
 
 ROOT = Path(slipd.__file__).parent
 FUSION = Path(slipd.fusion.__file__).parent

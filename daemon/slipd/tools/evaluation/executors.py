@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from slipd.errors import SlipdError, UsageError
-from slipd.fusion.compiled import source_stamp
 from slipd.tools.evaluation.config_run import ConfigRun, run_config
+from slipd.types.source_stamp import source_stamp
 
 Run = ConfigRun | str
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from slipd.fusion.compiled import source_stamp
+from slipd.types.source_stamp import source_stamp
 
 
 def folder(path: Path, **files: str) -> Path:
