@@ -1,4 +1,4 @@
-"""Identify the source code that made a result: compiled kernels, results of an evaluation. Nothing that is slow to import."""
+"""Identify the source code that made a result: compiled kernels, kept evaluations. It loads nothing slow."""
 
 from __future__ import annotations
 
