@@ -143,7 +143,8 @@ class HeldObject:
             self._swing = SwingEstimate()
 
     def _state(self, *, motion_known: bool) -> ObjectState:
-        if not all(side.finger.zero_known for side in self._sides):
+        first, second = self._sides
+        if not (first.finger.zero_known and second.finger.zero_known):
             return NOT_TARED
         if not all(self._touching):
             return NOTHING_HELD
@@ -258,12 +259,8 @@ class Side:
     def noise(self, place_m: Array) -> Array:
         """Return the covariance of the noise of force and torque about the origin, shape (6, 6)."""
         lever, force = cross_matrix(place_m), self.noise_n**2
-        return np.block(
-            [
-                [force * np.eye(3), force * lever.T],
-                [force * lever, force * lever @ lever.T + self._noise_nm**2 * np.eye(3)],
-            ]
-        )
+        torque = force * lever @ lever.T + self._noise_nm**2 * np.eye(3)
+        return np.block([[force * np.eye(3), force * lever.T], [force * lever, torque]])
 
     def weight_n(self) -> Array:
         """Return the weight of the finger that is subtracted from its readings, in the gripper frame, shape (3,), N."""
