@@ -143,6 +143,11 @@ class GripperControl:
         return None
 
     @property
+    def active(self) -> bool | None:
+        """Whether the gripper is active; not while an activation is queued or under way. None: it has not answered."""
+        return None if self.sample is None else self.sample.active and not self.session.activating
+
+    @property
     def holds(self) -> bool:
         """An object stopped the fingers, and no motion is under way."""
         sample = self.sample
@@ -203,7 +208,7 @@ class GripperControl:
         sample, session = self.sample, self.session
         gripper = GripperState(
             answers=sample is not None,
-            active=sample is not None and sample.active,
+            active=bool(self.active),
             activating=session.activating,
             fault="" if sample is None else sample.fault,
             moving=self._moves,

@@ -96,7 +96,7 @@ def gripper_body(gripper: GripperControl, t_ns: int, act: ReflexAct | None = Non
         "width_m": None if sample is None else sample.width_m,
         "force_command_n": gripper.grip.command_n,
         "force_limit_n": policy.limits.max_n,
-        "active": None if sample is None else sample.active,
+        "active": gripper.active,
         "object": None if sample is None else sample.object,
         "moving": None if sample is None else sample.moving,
         "fault": None if sample is None else sample.fault,

@@ -214,7 +214,7 @@ COURSES: dict[str, Course] = {
         [DRIVER], 0.0,
         [lambda cell: setattr(cell.jaws.driver, "mute", True), ask("gripper.activate", drop=True),
          ask("gripper.close", ACTIVATING, force_n=HELD_N),  # it is not sent yet
-         serve(50), sees(active=True), ask("gripper.close", ACTIVATING, force_n=HELD_N),
+         serve(50), sees(active=False), ask("gripper.close", ACTIVATING, force_n=HELD_N),
          lambda cell: setattr(cell.jaws.driver, "mute", False), serve(200), CLOSE],
     ),
     "a stop ends an activation": (

@@ -49,7 +49,7 @@ def test_K3_the_oldest_by_number_are_deleted_whatever_the_clock_says(
     run.close()
     run.close()
     assert ".run-a.lock" not in names(tmp_path)
-    assert len(names(Path("/proc/self/fd"))) == handles
+    assert len(names(Path("/proc/self/fd"))) <= handles  # those of other tests may be closed meanwhile
 
 
 def test_K3_no_run_deletes_the_files_of_another_that_goes_on(tmp_path: Path) -> None:
