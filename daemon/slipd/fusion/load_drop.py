@@ -8,8 +8,8 @@ let go, an object that is set down, a collision, a swing. A fall is a slip only 
 - it began at the largest q of the last tenth of a second, near the largest that this grasp carried without motion,
 - it is more than the noise, as stated and as measured, explains at the stated rate of false alarms, and more than twice
   any swing of the last second,
-- it ended on a plateau that is flat and has lasted longer than the fall: a load that is let go falls on, or swings
-  about its new value on the springs of the pads,
+- it ended on a plateau that is shown to be flat and has lasted longer than the fall: a load that is let go falls on, or
+  swings about its new value on the springs of the pads,
 - the load itself gave way, along its own direction, and not the grip that became tighter,
 - it is not the way back from a push, and the motion of the arm does not explain it (`slipd.fusion.explained`).
 
@@ -68,6 +68,8 @@ LONGER = 1.25
 """An expected fall's plateau lasts at least so many times as long as the fall."""
 FLAT = 0.15
 """A plateau changes by at most this part of the fall."""
+SHOWN = 0.08
+"""Noise must leave this part of the fall, as the deviation of the plateau's change, before a plateau counts as flat."""
 SCATTER = 0.15
 """Readings scatter about a plateau by at most this part of the fall, beyond their noise: a swing does so by more."""
 BENT = 0.08
@@ -189,8 +191,10 @@ def _surprise(drop: Row, ring: Rows, p: int, g: int, b: int, mu: float) -> float
 
 @compiled_part
 def _is_flat(ring: Rows, k: int, p: int, low: float, fall: float, std: float) -> bool:
-    """Return whether the newest ``p`` blocks are flat beside a fall: no slope, no bend, little scatter."""
+    """Return whether the newest ``p`` blocks are shown to be flat beside a fall: no slope, no bend, little scatter."""
     half, at = p // 2, k - p
+    if 2.0 * std > SHOWN * fall * math.sqrt(p):
+        return False
     if abs(mean_q(ring, k, half) - mean_q(ring, at + half, half)) > FLAT * fall:
         return False
     if p >= 6:

@@ -17,6 +17,8 @@ from slipd.fusion.slide import MOST_DROP, SWINGS, begin_slide, surprise_of
 
 JUMP_S = 0.004
 """A jump rises within this time before its corner, s."""
+RISE = 0.12
+"""It rises by at least this part of q in it."""
 FLAT = 0.07
 """Beyond the corner, q changes by at most this part of that rise."""
 SCATTER = 0.03
@@ -27,8 +29,8 @@ BEYOND = 1.1
 """It goes to at least this times the largest q that the grasp carried."""
 CORNER = 1.0
 """Its plateau lasts at least this part of the upper half of its rise: the crest of a swing is shorter."""
-SETTLED = (8, 12, 16, 24)
-"""Lengths of the plateau after an overshoot, in blocks."""
+SETTLED, SETTLED_S = (8, 12, 16, 24), 0.008
+"""Lengths of the plateau after an overshoot, in blocks, and the least one, s."""
 GAPS, OVERSHOOT_S = (4, 8, 12, 16, 24), 0.024
 """Blocks that rise and overshoot take, and their longest time, s."""
 JUMPED, OVERSHOT, RINGS = 0.2, 0.04, 0.1
@@ -55,7 +57,7 @@ def look_for_jump(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
             continue
         low, before = mean_q(ring, k, p), ring[(k - p - steep) % RING]
         rise = low - mean_q(ring, k - p - steep, 1)
-        if not low > FROM * mu or rise < SWINGS * before["swing"] or low < BEYOND * before["carried"]:
+        if not low > FROM * mu or rise < max(RISE * low, SWINGS * before["swing"]) or low < BEYOND * before["carried"]:
             continue
         surprise = _jump_surprise(drop, ring, p, low, rise, before["rough"])
         if surprise < drop["least_surprise"] or p < 1 + CORNER * _half_rise(drop, ring, k - p, low, steep):
@@ -89,7 +91,7 @@ def look_for_overshoot(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
             if rise < max(JUMPED * low, SWINGS * before["swing"]) or low < BEYOND * before["carried"]:
                 continue
             surprise = _overshoot_surprise(drop, ring, p, gap, low)
-            if surprise < drop["least_surprise"] or is_closing(ring, k, count):
+            if p * dt < SETTLED_S or surprise < drop["least_surprise"] or is_closing(ring, k, count):
                 continue
             if not is_carried(drop, ring, p, k - p - gap):
                 begin_slide(drop, t_s, math.nan, low, BEYOND * low, surprise)

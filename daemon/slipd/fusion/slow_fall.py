@@ -6,7 +6,8 @@ of it is gone. So a fall that slows down early shows slip before it has ended. I
 
 - before it and since the begin of the last slip, q rose steadily, neither in a bump nor to a push that was held, to a
   peak near the largest q that this grasp carried and near the coefficient of friction,
-- the fall is slower now than in its fastest part, by more than noise explains,
+- the fall is slower now than in its fastest part, by more than noise explains; much slower if it is so deep that a load
+  let go slows down as well,
 - it is more than the noise explains at the stated rate of false alarms, and more than the swings of the last second,
 - it is not the way back from a push: below the coefficient of friction, q falls farther than it rose before,
 - the load gives way along its own direction, the grip becomes no tighter, and the motion of the arm does not explain
@@ -35,8 +36,9 @@ LEAST_FALL = 0.025
 LEAST_STRETCH_S, STRETCH_SHARE = 0.004, 8
 """A rate is the difference of the means of two neighbouring stretches. Each is at least this long, s, and at least the
 fall's length divided by the second value."""
-SLOWER = 0.75
-"""A fall has slowed down when its rate is at most so many times its fastest rate."""
+SHALLOW, SLOWER, MUCH_SLOWER = 0.3, 0.75, 0.55
+"""A fall of less than SHALLOW of the peak has slowed down when its rate is at most SLOWER times its fastest rate, a
+deeper one at MUCH_SLOWER times that rate."""
 BACK = 0.3
 """Largest swing of q during the fall, as a part of the fall."""
 RATE_STDS = 5.5
@@ -50,8 +52,9 @@ NEAR_TOP = 0.05
 """A fall begins where q was last above the peak less this part of the fall."""
 RISE, RISE_S = 0.12, 0.12
 """Before the fall, q rose for RISE_S, s, by at least RISE of its peak per second."""
-EARLY, LATE = 0.15, 0.85
-"""The later half of that rise has between EARLY and LATE of it: a push that is held has less, a bump more."""
+STRAIGHT, EARLY, LATE = 0.6, 0.15, 0.85
+"""That rise is at least STRAIGHT of the total variation of q, which is larger in a swing. Its later half has between
+EARLY and LATE of it: a push that is held has less, a bump more."""
 PUSH, BEYOND_PUSH = 0.65, 1.08
 """In a time as long as the fall before the peak, q rose by at most PUSH of the fall, unless the peak is beyond
 BEYOND_PUSH times the coefficient of friction."""
@@ -149,7 +152,8 @@ def _level_of_slowed_fall(ring: Rows, k: int, fallen: int, peak: float, noise: f
         last, fastest = mean_q(ring, k - stretch, stretch) - low, 0.0
         for back in range(stretch, fallen - stretch + 1, max(1, stretch // 2)):
             fastest = max(fastest, mean_q(ring, k - back - stretch, stretch) - mean_q(ring, k - back, stretch))
-        if abs(last) <= SLOWER * fastest - RATE_STDS * noise / math.sqrt(stretch):
+        slower = SLOWER if peak - low < SHALLOW * peak else MUCH_SLOWER
+        if abs(last) <= slower * fastest - RATE_STDS * noise / math.sqrt(stretch):
             return float(low)
         stretch *= 2
     return peak
@@ -183,7 +187,13 @@ def _rises(ring: Rows, top: int, stride: int, level: int, peak: float, rate: flo
         peak: q at the peak.
         rate: Least rate, in parts of the peak a block.
     """
-    half, begin = mean_q(ring, top - 4 * stride, level), mean_q(ring, top - 8 * stride, level)
-    risen = peak - begin
+    way, later, half = 0.0, peak, peak
+    for step in range(1, 9):
+        earlier = mean_q(ring, top - step * stride, level)
+        way += abs(later - earlier)
+        later = earlier
+        if step == 4:
+            half = earlier
+    risen = peak - later
     steady = EARLY * risen <= peak - half <= LATE * risen
-    return bool(steady and risen >= rate * 8.0 * stride * peak)
+    return bool(steady and risen >= max(rate * 8.0 * stride * peak, STRAIGHT * way))
