@@ -100,6 +100,7 @@ def report(options: argparse.Namespace) -> int:
     from evaluate import report as page
     from evaluate.methods import compare, costs
 
+    options.into.mkdir(parents=True, exist_ok=True)
     header, workers = measured_on(), options.workers or REPORT_WORKERS
     begun = time.monotonic()
 
