@@ -193,7 +193,7 @@ class ConfigChoice:
     Attributes:
         file: The file.
         config: The config in force.
-        before: The one to go back to; None where there is none.
+        before: The previous config, to fall back to; None if there is none.
         refused: Why the config of the file is not in force; None where it is.
         served: A run with the config in force has begun.
     """

@@ -164,10 +164,8 @@ class ContactEstimator:
         self.contact.set_uncertainty(uncertainty)
         pulled_n = self._drift_n + STDS * uncertainty.force_std_n + uncertainty.force_n
         conditions = self.contact.row["conditions"]
-        conditions["pulled_n"], conditions["zero_known"] = (
-            pulled_n if zero_known else pulled_n + self._bias_n,
-            zero_known,
-        )
+        conditions["zero_known"] = zero_known
+        conditions["pulled_n"] = pulled_n if zero_known else pulled_n + self._bias_n
 
 
 def _most_zero_n(config: FingerConfig) -> tuple[float, float]:

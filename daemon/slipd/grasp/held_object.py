@@ -132,7 +132,7 @@ class HeldObject:
         return self._next_ns
 
     def _follow_touches(self) -> None:
-        """Begin anew where a finger begins or ends to touch."""
+        """Restart the estimate when a finger makes or loses contact."""
         first, second = self._sides
         touching = first.finger.in_contact, second.finger.in_contact
         if touching != self._touching:

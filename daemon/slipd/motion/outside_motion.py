@@ -78,7 +78,7 @@ class OutsideMotion:
         self._begin(self._since_ns)
 
     def _of_pose(self, reading: ObjectSample) -> float | None:
-        """Return the surprise of a displacement since the reference; None while there is none."""
+        """Return the surprise of the displacement from the reference; None without a reference."""
         if reading.xyz_m is None:
             return None
         pose = self._pose(reading.xyz_m, reading.quat_xyzw)

@@ -32,7 +32,7 @@ class Recordings(Protocol):
 
     Attributes:
         requested: The newest one on request; its state is "none" before the first.
-        whole_run: That of the whole run; None where there is none.
+        whole_run: Recorder of the whole run; None if the run is not recorded as a whole.
     """
 
     requested: RecordingChanged

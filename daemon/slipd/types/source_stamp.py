@@ -1,4 +1,4 @@
-"""Identify the source code that made a result: compiled kernels, kept evaluations. It loads nothing slow."""
+"""Identify the source code that made a result: compiled kernels, kept evaluations. Imports nothing slow."""
 
 from __future__ import annotations
 

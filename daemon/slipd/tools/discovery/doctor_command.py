@@ -50,7 +50,7 @@ def doctor(
 
     Raises:
         UsageError: The device is unknown or not named, or an option is wrong.
-        SlipdError: The port cannot be opened; or the capture is none, or its device is not installed.
+        SlipdError: The port cannot be opened, the file is not a capture, or its device is not installed.
     """
     again = port.endswith(SUFFIX)
     capture = _earlier(Path(port)) if again else _captured(port, name, seconds, baud, options)
