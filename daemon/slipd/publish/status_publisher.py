@@ -32,7 +32,7 @@ class Recordings(Protocol):
 
     Attributes:
         requested: The newest one on request; its state is "none" before the first.
-        whole_run: Recorder of the whole run; None if the run is not recorded as a whole.
+        whole_run: State of the recording of the whole run; None if there is no such recording.
     """
 
     requested: RecordingChanged
