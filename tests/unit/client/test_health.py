@@ -15,7 +15,7 @@ import pytest
 from engine_rig import RIG, Run
 from project import DOCS
 
-from slipd.events import HostNotice, LinkDown, RecordingChanged
+from slipd.events import HostNotice, LinkDown, RecordingChanged, Tick
 from slipd.recording.mcap_file import EVENTS, RecordingFile, RunHead
 from slipd.recording.reader import open_recording
 from slipd_client.diagnose import REMOVED, Bundle, without_secrets
@@ -194,7 +194,8 @@ def recording(tmp_path: Path) -> Path:
     file = RecordingFile(tmp_path / "run.mcap", RunHead(f'port = "{SECRET_URL}"\n', "b", 0))
     file.add(0, 1, EVENTS, LinkDown("pads", f"{SECRET_URL} does not answer"))
     file.add(1, 2, "status", encode({"streams": [{"address": SECRET_URL, "rate_hz": 0.1}]}))
-    file.finish(2)
+    file.add(2, 3, EVENTS, Tick())
+    file.finish(3)
     return tmp_path / "run.mcap"
 
 
@@ -204,7 +205,7 @@ def test_the_secrets_inside_a_recording_are_removed_and_the_rest_stays(recording
     clean = tmp_path / "clean.mcap"
     clean.write_bytes(made.parts["run.mcap"])
     found = open_recording(clean)
-    (_, event), (_, payload) = *found.events(), *found.messages()
+    ((_, event), _), ((_, payload),) = found.events(), found.messages()
     address = f"ws://{REMOVED}@host:5000"
     assert (made.problems, found.config_text, event, decode(payload)["streams"]) == (
         [],

@@ -25,7 +25,7 @@ from mcap.records import Chunk, Metadata
 from mcap.writer import MCAP0_MAGIC
 
 from slipd.errors import RecordingError
-from slipd.events import Bytes
+from slipd.events import Bytes, Tick
 from slipd.io.progress import Progress
 from slipd.recording.entry_walk import Entry, EntryWalk
 from slipd.recording.mcap_file import STOPPED, RecordingFile, RunHead
@@ -110,7 +110,7 @@ def _cleaning(clean: Callable[[str], str]) -> Callable[[Entry], Entry]:
 
     def cleaned_entry(entry: Entry) -> Entry:
         content: Any = entry.content
-        if isinstance(content, Bytes):
+        if isinstance(content, (Bytes, Tick)):  # without texts
             return entry
         if isinstance(content, bytes):
             return entry._replace(content=msgpack.packb(cleaned(msgpack.unpackb(content))))
