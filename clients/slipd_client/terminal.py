@@ -42,7 +42,7 @@ def standard_output(program: str) -> Iterator[None]:
     A reader that closes its pipe ends the block without an error.
 
     Raises:
-        SystemExit: The disk is full that takes the output, or Ctrl-C was pressed.
+        SystemExit: The disk that takes the output is full.
     """
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
@@ -53,8 +53,6 @@ def standard_output(program: str) -> Iterator[None]:
             yield
         finally:
             sys.stdout.flush()
-    except KeyboardInterrupt:  # while it starts; later, each command has its own end
-        raise SystemExit(INTERRUPTED) from None
     except OSError as error:
         if error.errno not in (errno.EPIPE, errno.ENOSPC):
             raise

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import difflib
+import errno
 import os
 import pkgutil
 import sys
@@ -25,7 +26,7 @@ DONE, NO, WRONG = 0, 1, 2
 """Exit codes, those of ``slipctl`` too; docs/commands.md explains them."""
 
 WRONG_PLACES = (FileNotFoundError, FileExistsError, IsADirectoryError)
-"""Causes of an error that are wrong use: a file is missing, a place is taken, or a folder was named."""
+"""Causes of an error that are wrong use: a file is missing, a place or an endpoint is taken, or a folder was named."""
 
 ENDED_IN_ORDER = ("run", "demo")
 """Commands that Ctrl-C ends in good order: recordings are closed, and the demo prints its summary."""
@@ -123,7 +124,9 @@ def _exit_code(arguments: argparse.Namespace) -> int:
         return WRONG
     except SlipdError as error:
         print(f"slipd: {printable_lines(str(error))}", file=sys.stderr)
-        is_wrong_use = isinstance(error, UsageError) or isinstance(error.__cause__, WRONG_PLACES)
+        cause = error.__cause__
+        is_taken = isinstance(cause, WRONG_PLACES) or getattr(cause, "errno", None) == errno.EADDRINUSE
+        is_wrong_use = isinstance(error, UsageError) or is_taken
         return WRONG if is_wrong_use else NO
     except KeyboardInterrupt:
         if arguments.command in ENDED_IN_ORDER:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -12,8 +14,22 @@ from replays import RECORDINGS
 from service_rig import Rig
 
 from slipd import cli
+from slipd.__main__ import main as slipd
+from slipd_client.__main__ import main as slipctl
 
 PATIENCE_S = 110.0
+
+
+def interrupt(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("program", [slipd, slipctl])
+def test_an_interrupt_while_a_program_is_loaded_ends_it_without_a_message(
+    program: Callable[[], int], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(importlib, "import_module", interrupt)
+    assert (program(), capsys.readouterr().err) == (130, "")
 
 
 @pytest.mark.parametrize(
@@ -29,10 +45,7 @@ PATIENCE_S = 110.0
 def test_an_interrupt_is_an_end_only_of_what_is_ended_by_hand(
     command: list[str], code: int, error: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def interrupted(*_: object) -> None:
-        raise KeyboardInterrupt  # for example while its libraries are loaded
-
-    monkeypatch.setattr(cli, "carry_out", interrupted)
+    monkeypatch.setattr(cli, "carry_out", interrupt)
     assert cli.main(command) == code
     assert capsys.readouterr().err == error
 

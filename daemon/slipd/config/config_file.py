@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import difflib
 import itertools
+import json
 import os
 import re
 import tomllib
@@ -159,7 +160,12 @@ def explain(fault: Any) -> tuple[tuple[str, ...], str]:
     if fault["type"] == "value_error":  # one of our own, whose text is complete
         return path, str(fault["ctx"]["error"])
     rule = _rule(fault["type"], fault.get("ctx", {})) or str(fault["msg"]).replace("Input should", "must")
-    return path, f"{rule[0].lower()}{rule[1:]}, got {fault['input']!r}"
+    return path, f"{rule[0].lower()}{rule[1:]}, got {_as_written(fault['input'])}"
+
+
+def _as_written(value: Any) -> str:
+    """Return a value as TOML writes it: ``true``, and not ``True``."""
+    return repr(value) if isinstance(value, (str, float)) else json.dumps(value, default=str, ensure_ascii=False)
 
 
 def _rule(kind: str, context: Mapping[str, Any]) -> str:

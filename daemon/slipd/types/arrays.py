@@ -50,7 +50,7 @@ def cross_matrix(vector: Sequence[float] | Array) -> Array:
 def rotation_matrix(quat_xyzw: Sequence[float]) -> Array:
     """Return the matrix of a rotation, shape (3, 3), to the last bit as SciPy's `Rotation` does.
 
-    That class alone would take a tenth of the time in which the daemon starts.
+    Importing that class would add 8 % to the time in which the daemon starts, and to its memory (11 MB).
 
     Args:
         quat_xyzw: The rotation as a quaternion, not zero, of any length.

@@ -178,7 +178,7 @@ class RuntimeDirectory:
             os.close(lock)
             raise LinkError(
                 f"{self.path}: another slipd uses this directory (process {holder}); stop it, or {ANOTHER}"
-            ) from None
+            ) from FileExistsError()
         os.ftruncate(lock, 0)
         os.write(lock, f"{os.getpid()}\n".encode())
         return lock

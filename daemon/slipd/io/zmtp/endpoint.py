@@ -189,7 +189,9 @@ def _check_path(endpoint: str, path: bytes) -> None:
     if os.path.lexists(path) and not stat.S_ISSOCK(os.lstat(path).st_mode):
         raise LinkError(f"{endpoint}: this file is not a socket, and binding would delete it; name another path")
     if _is_served(path):
-        raise LinkError(f"{endpoint}: another program serves this endpoint; stop it, or name another")
+        raise LinkError(
+            f"{endpoint}: another program serves this endpoint; stop it, or name another"
+        ) from FileExistsError()
 
 
 def _check_directory(endpoint: str, directory: Path) -> None:

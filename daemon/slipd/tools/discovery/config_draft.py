@@ -183,13 +183,17 @@ def init_command(file: Path, by_id: Path | None, *, only_list: bool) -> None:
         only_list: Write nothing.
 
     Raises:
-        UsageError: The file exists, or its folder does not.
+        UsageError: The file exists, or its folder or that of the ports does not.
         SlipdError: There is no port, no sensor answers, or the file cannot be written.
     """
     if not only_list and file.exists():
         raise UsageError(f"{file} exists, and is not replaced; give another name, or only list: slipd init --list")
     if not only_list and not file.parent.is_dir():
-        raise UsageError(f"{file}: cannot be created: there is no folder {file.parent}")
+        raise UsageError(
+            f"{file}: cannot be created: there is no folder {file.parent}; create it: mkdir -p {file.parent}"
+        )
+    if by_id is not None and not by_id.is_dir():
+        raise UsageError(f"--ports must be a folder of serial ports, such as {BY_ID}; there is no folder {by_id}")
     nowhere = Path(os.devnull)
     ports = list_ports() if by_id is None else list_ports(by_id.absolute(), nowhere, nowhere)
     if not ports:

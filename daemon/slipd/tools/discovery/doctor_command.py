@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import logging
 import platform
 import time
 import tomllib
@@ -17,6 +18,7 @@ from slipd.devices import Device, Session, find_device
 from slipd.errors import SlipdError, UsageError
 from slipd.events import Bytes, Event, HostNotice, LinkDown, LinkSpec, LinkUp
 from slipd.io.transport import Links
+from slipd.io.transport.link import Link
 from slipd.tools.discovery.capture import SUFFIX, Capture, Piece, read_capture
 from slipd.tools.discovery.examination import Finding, decode, examine
 from slipd.tools.discovery.port_probe import question_options
@@ -90,7 +92,12 @@ def _captured(port: str, name: str | None, seconds: float, baud: int | None, opt
         name, f"{found.package} {found.version}", transport, (baud or device.baud or 0) if transport == "serial" else 0,
         given, seconds,
     )  # fmt: skip
-    asyncio.run(_Reading(device, port, capture).run())
+    log = logging.getLogger(Link.__module__)
+    log.disabled = True  # what the link logs is printed here
+    try:
+        asyncio.run(_Reading(device, port, capture).run())
+    finally:
+        log.disabled = False
     return capture
 
 

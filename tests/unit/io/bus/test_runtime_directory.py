@@ -12,7 +12,9 @@ from pathlib import Path
 
 import pytest
 from loop_waits import open_files
+from project import CONFIG
 
+from slipd import cli
 from slipd.errors import LinkError
 from slipd.io.bus.access import RuntimeDirectory
 
@@ -89,13 +91,17 @@ def test_a_socket_of_the_group_is_shared_where_the_systemd_unit_forbids_to_give_
         assert modes(path)["publish"] == (0o660, GROUP)
 
 
-def test_Z6_a_second_daemon_is_refused_with_the_process_that_holds_it(path: Path) -> None:
+def test_Z6_a_second_daemon_is_refused_with_the_process_that_holds_it(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SLIPD_RUNTIME_DIR", str(path))
     command = [sys.executable, "-c", HOLD, path]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as holder:
         assert holder.stdout is not None
         assert holder.stdout.readline() == "held\n"
         with pytest.raises(LinkError, match=rf"another slipd uses this directory \(process {holder.pid}\)"):
             RuntimeDirectory(path).__enter__()
+        assert cli.main(["run", str(CONFIG / "demo.toml")]) == 2
         holder.kill()
         holder.wait()
     (path / "lock").write_text("12345678901\n")

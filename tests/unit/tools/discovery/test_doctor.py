@@ -70,7 +70,10 @@ def test_another_device_is_named(tmp_path: Path) -> None:
 
 
 def test_a_silent_port_an_absent_one_and_one_that_is_unplugged(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     line = PtyLine(tmp_path / "line")
     assert not doctor(str(tmp_path / "line"), "bota", tmp_path, seconds=0.1)
@@ -82,6 +85,7 @@ def test_a_silent_port_an_absent_one_and_one_that_is_unplugged(
     assert "the line was lost: " in capsys.readouterr().out
     with pytest.raises(SlipdError, match="no such port; plug the device in"):
         doctor(str(tmp_path / "nowhere"), "bota", tmp_path)
+    assert "no such port" not in caplog.text, "the error says it, once"
 
     @asynccontextmanager
     async def no_links(*_: Any) -> AsyncIterator[None]:

@@ -28,7 +28,7 @@ def test_a_config_is_written_for_what_answers(tmp_path: Path, capsys: pytest.Cap
         init_command(tmp_path / "list.toml", by_id, only_list=True)
         assert not (tmp_path / "list.toml").exists()
         init_command(file, by_id, only_list=False)
-        with pytest.raises(UsageError, match="cannot be created: there is no folder"):
+        with pytest.raises(UsageError, match=r"cannot be created: there is no folder .*; create it: mkdir -p"):
             init_command(tmp_path / "missing" / "rig.toml", by_id, only_list=False)
     shown = capsys.readouterr().out
     assert f"{by_id}/bota: bota" in shown
@@ -45,8 +45,10 @@ def test_a_config_is_written_for_what_answers(tmp_path: Path, capsys: pytest.Cap
 
 
 def test_without_a_sensor_nothing_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(SlipdError, match="there is no serial port in"):
+    with pytest.raises(UsageError, match=r"--ports must be a folder of serial ports, .* there is no folder .*/none"):
         init_command(tmp_path / "rig.toml", tmp_path / "none", only_list=False)
+    with pytest.raises(SlipdError, match="there is no serial port in"):
+        init_command(tmp_path / "rig.toml", made(tmp_path / "empty"), only_list=False)
     monkeypatch.setattr(port_probe, "LISTEN_S", 0.05)
     with (
         plugged(made(tmp_path / "by-id"), "robotiq_2f"),
