@@ -138,12 +138,11 @@ SETTLE_NS = 500_000_000
 _TEXT_KEPT = 32  # bytes, more than any text that the session waits for
 _BANNER_LENGTH = 512  # bytes; a banner has fewer than 100
 
-_BOOT = "boot text"
-_RUN = "R"
+_BOOT, _RUN = Step("boot text", b"", "optional", QUIET_NS, attempts=1), Step("R", RUN)
 _ANSWERED_BY_FRAMES = (_BOOT, _RUN)
 
 
-class Session(SensorSession[WrenchSample]):
+class Session(SensorSession[Decoder]):
     """Bring the sensor from any state to sending frames at the configured rate.
 
     Readings that arrive are returned in every state. `state` is "closed", "waiting" (for the sensor to boot),
@@ -163,15 +162,12 @@ class Session(SensorSession[WrenchSample]):
         ValueError: The sinc length is out of range or not an integer.
     """
 
-    decoder: Decoder
-
     def __init__(self, sinc_length: int = 64, temperature_compensation: bool = False) -> None:
         check_integer("sinc_length", sinc_length, *SINC_LENGTHS)
         communication = f"c,{int(temperature_compensation)},1,0,{_BAUD_460800}\n".encode()  # calibrated, binary
         filtering = f"f,{sinc_length},0,0,1\n".encode()  # without chop, fast mode or FIR
-        commands = [Step(text[:1].decode(), text) for text in (CONFIGURE, communication, filtering, RUN)]
-        boot = Step(_BOOT, b"", "optional", QUIET_NS, attempts=1)
-        super().__init__(Decoder(), StartupSequence([boot, *commands]), CONFIGURE)
+        commands = [Step(text[:1].decode(), text) for text in (CONFIGURE, communication, filtering)]
+        super().__init__(Decoder(), StartupSequence([_BOOT, *commands, _RUN]), CONFIGURE)
         self._booted_ns = 0
         self._text = b""
         self._banner = b""
@@ -215,12 +211,14 @@ class Session(SensorSession[WrenchSample]):
         if self._banner:
             self._read_identity(data)
         awaited = self._startup.awaited
-        code = find_ack(text, awaited)
+        if awaited is None:
+            return
+        code = find_ack(text, awaited.name)
         if code is None and has_frames and awaited in _ANSWERED_BY_FRAMES:
             code = 0
         if code is not None:
-            self._startup.handle_answer(now_ns, f"refused {awaited} with code {code}" if code else "")
-        if code == 0 and awaited == _RUN:
+            self._startup.handle_answer(now_ns, f"refused {awaited.name} with code {code}" if code else "")
+        if code == 0 and awaited is _RUN:
             self._startup.reading_received(now_ns)
 
     def _read_identity(self, data: bytes) -> None:

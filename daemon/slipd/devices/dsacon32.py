@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -20,7 +21,7 @@ from slipd.devices.shared import weiss_tactile as tactile
 from slipd.devices.shared.device_interface import check_integer
 from slipd.devices.shared.sensor_session import ANSWER_NS
 from slipd.devices.shared.weiss_packets import SEED_AFTER_PREAMBLE, STATUS_WORDS, encode
-from slipd.devices.shared.weiss_tactile import FULL_SCALE, MAX_CELLS, RLE, Query, TactileDecoder, TactileSession, Words
+from slipd.devices.shared.weiss_tactile import FULL_SCALE, MAX_CELLS, RLE, TactileDecoder, TactileSession, Words
 from slipd.types.samples import TactileSample
 
 CONTROLLER = 0x01
@@ -130,11 +131,14 @@ BOOT_NS = 9_000_000_000
 """Time allowed for booting; the controller ignores requests for about 8 s after power-up."""
 
 
-class Session(TactileSession):
+_query = partial(tactile.query, REPLY_SIZES, ERROR_WORDS)
+
+
+class Session(TactileSession[Decoder]):
     """Read controller type and matrices, and start the images.
 
-    In addition to the states of `TactileSession`, `state` may be "controller not operable", or that the controller's
-    type has an unknown image format; such a controller is not started. `identity` is the controller's serial number.
+    `state` may also be "controller not operable", or name a controller whose image format is unknown; neither is
+    started. `identity` is the controller's serial number.
 
     Args:
         rate_hz: Images per second, 1 to 30.
@@ -144,24 +148,17 @@ class Session(TactileSession):
         ValueError: The rate is out of range or not an integer.
     """
 
-    decoder: Decoder
-
     def __init__(self, rate_hz: int = MAX_RATE_HZ, rle: bool = True) -> None:
         check_integer("rate_hz", rate_hz, 1, MAX_RATE_HZ)
         stop, start = acquire(0, rle=rle), acquire(rate_hz, rle=rle)
-        queries = [
-            Query(
-                "controller",
-                encode_query(CONTROLLER),
-                attempts=BOOT_NS // ANSWER_NS,
-                reply_id=CONTROLLER,
-                handle=self._handle_controller,
-            ),
-            Query("sensor", encode_query(SENSOR), reply_id=SENSOR, handle=self._handle_sensor),
-            Query("stop", stop, reply_id=ACQUIRE, tolerates=range(1, 1 << 16)),
-            Query("start", start, reply_id=ACQUIRE, tolerates=(ALREADY_RUNNING,)),
+        attempts = BOOT_NS // ANSWER_NS
+        self._steps = [
+            _query("controller", encode_query(CONTROLLER), handle=self._handle_controller, attempts=attempts),
+            _query("sensor", encode_query(SENSOR), handle=self._handle_sensor),
+            _query("stop", stop, tolerates=range(1, 1 << 16)),
+            _query("start", start, tolerates=(ALREADY_RUNNING,)),
         ]
-        super().__init__(Decoder(), queries, stop, ERROR_WORDS, 1_000_000_000 // rate_hz)
+        super().__init__(Decoder(), self._steps, stop, 1_000_000_000 // rate_hz)
         self._matrices: list[tuple[int, int]] = []
         self._expected = 0
 
@@ -179,13 +176,8 @@ class Session(TactileSession):
             return f"a controller must have 1 to {MAX_MATRICES} matrices, got {count}"
         self._matrices = []
         self._expected = count
-        self._queries[2:-2] = [
-            Query(
-                f"matrix {index}",
-                encode_query(MATRIX, bytes((index,))),
-                reply_id=MATRIX,
-                handle=self._handle_matrix,
-            )
+        self._steps[2:-2] = [
+            _query(f"matrix {index}", encode_query(MATRIX, bytes((index,))), handle=self._handle_matrix)
             for index in range(count)
         ]
         return ""

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from slipd.devices import Device, Need
 from slipd.devices.shared import checksums
-from slipd.devices.shared.device_interface import DecoderHealth
-from slipd.devices.shared.frame_scanner import FixedLengthScanner
+from slipd.devices.shared.frame_scanner import FixedLengthScanner, FrameDecoder
 from slipd.types.samples import TactileSample
 
 ROWS = 8
@@ -40,7 +39,7 @@ _SCAN_SPAN = 1 << 16
 _US_SPAN = 1 << 32
 
 
-class Decoder:
+class Decoder(FrameDecoder):
     """Return a tactile sample of every complete scan; drop scans that lack a row.
 
     ``values`` has shape (rows·cols,), in counts of the charge amplifier and in scan order, row by row.
@@ -59,7 +58,7 @@ class Decoder:
     def __init__(self, rows: int = ROWS, cols: int = COLS) -> None:
         if not (1 <= rows <= MAX_SIDE and 1 <= cols <= MAX_SIDE):
             raise ValueError(f"rows and cols must be from 1 to {MAX_SIDE}, got {rows} x {cols}")
-        self.health = DecoderHealth()
+        super().__init__()
         self._rows = rows
         self._grid = rows, cols
         self._row_bytes = 2 * cols
@@ -116,7 +115,7 @@ class Decoder:
 
     def forget(self) -> None:
         """Drop a partial scan and the expected scan number, because the line was closed."""
-        self._frames.forget()
+        super().forget()
         self.health.lost += self._open
         self._scan, self._open = None, False
 

@@ -16,6 +16,8 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -84,16 +86,12 @@ class Decoder(FrameDecoder):
 
     Raises:
         ValueError: The divider is below 1 or not finite.
-
-    Attributes:
-        replies: Answers among the bytes received last: the number of the command, and the 15 bytes after it.
     """
 
     def __init__(self, torque_divider: float = 2000.0) -> None:
         if not (math.isfinite(torque_divider) and torque_divider >= 1):
             raise ValueError(f"torque_divider must be a number of at least 1, got {torque_divider}")
         super().__init__()
-        self.replies: list[tuple[int, bytes]] = []
         self._counts_per_unit = np.repeat((COUNTS_PER_N, torque_divider), 3)
         self._frames = FixedLengthScanner(SYNC, RESPONSE_LENGTH, is_valid_response, self.health)
 
@@ -133,19 +131,8 @@ STOP_PAUSE_NS = 20_000_000
 _LOW_PASS = 1
 _REFUSALS = {1: "not supported", 2: "value out of range", 3: "EEPROM write failure"}
 
-_RATE, _GET_RATE, _FILTER, _GET_FILTER = "rate", "rate query", "filter", "filter query"
-_PRODUCT, _SERIAL = "product name", "serial number"
-_NUMBERS = {
-    _GET_RATE: GET_RATE,
-    _RATE: SET_RATE,
-    _GET_FILTER: GET_FILTER,
-    _FILTER: SET_FILTER,
-    _PRODUCT: PRODUCT_NAME,
-    _SERIAL: SERIAL_NUMBER,
-}
 
-
-class Session(SensorSession[WrenchSample]):
+class Session(SensorSession[Decoder]):
     """Stop the sensor, set rate and filter if they differ, read its name, and start it; never tare it.
 
     The sensor keeps its settings in an EEPROM, so the session reads them first and writes only what differs. `state` is
@@ -163,8 +150,6 @@ class Session(SensorSession[WrenchSample]):
         ValueError: An option is out of range or unknown.
     """
 
-    decoder: Decoder
-
     def __init__(self, torque_divider: float = 2000.0, output_hz: int = 333, filter_hz: int = 0) -> None:
         check_choice("output_hz", output_hz, RATES_HZ[1:])
         check_choice("filter_hz", filter_hz, FILTERS_HZ)
@@ -172,18 +157,20 @@ class Session(SensorSession[WrenchSample]):
         self._output_hz = output_hz
         code = FILTERS_HZ.index(filter_hz)
         self._filter = bytes((_LOW_PASS if code else 0, code))
-        arguments = {_RATE: bytes((RATES_HZ.index(output_hz, 1),)), _FILTER: self._filter}
-        requests = [
-            Step(
-                name,
-                encode_command(number, arguments.get(name, b"")),
-                "required" if name in arguments else "optional",  # a setting counts only once it is confirmed
-            )
-            for name, number in _NUMBERS.items()
-        ]
+        rate = bytes((RATES_HZ.index(output_hz, 1),))
         stop = Step("stop", encode_command(STOP), "none", STOP_PAUSE_NS)
-        start = Step("start", encode_command(START), "none")
-        super().__init__(Decoder(torque_divider), StartupSequence([stop, *requests, start]), stop.request)
+        # a setting counts only once it is confirmed, so only these two requests must be answered
+        steps = [
+            stop,
+            _request("rate query", GET_RATE, self._compare_rate),
+            _request("rate", SET_RATE, self._confirm_rate, rate, "required"),
+            _request("filter query", GET_FILTER, self._compare_filter),
+            _request("filter", SET_FILTER, partial(_refusal, "filter"), self._filter, "required"),
+            _request("product name", PRODUCT_NAME, self._read_product),
+            _request("serial number", SERIAL_NUMBER, self._read_serial),
+            Step("start", encode_command(START), "none"),
+        ]
+        super().__init__(Decoder(torque_divider), StartupSequence(steps), stop.request)
 
     def start(self, now_ns: int) -> bytes:
         """Begin on a freshly opened link; return the first request."""
@@ -191,30 +178,40 @@ class Session(SensorSession[WrenchSample]):
         self.health.note = ""
         return super().start(now_ns)
 
-    def _handle_answers(self, now_ns: int) -> None:
-        for number, content in self.decoder.replies:
-            if number == _NUMBERS.get(self._startup.awaited):
-                self._handle_answer(number, content, now_ns)
+    def _compare_rate(self, content: bytes) -> str:
+        if content[0] < len(RATES_HZ) and RATES_HZ[content[0]] == self._output_hz:
+            self._startup.skip_next()
+        return ""
 
-    def _handle_answer(self, number: int, content: bytes, now_ns: int) -> None:
-        refusal, skip = "", 0
-        if number == GET_RATE:
-            skip = int(content[0] < len(RATES_HZ) and RATES_HZ[content[0]] == self._output_hz)
-        elif number == GET_FILTER:
-            skip = int(content[:2] == self._filter or not (content[0] or self._filter[0]))
-        elif number in (SET_RATE, SET_FILTER):
-            error = content[1]
-            refusal = f"refused {self._startup.awaited}: {_REFUSALS.get(error, f'code {error}')}" if error else ""
-            if refusal and number == SET_RATE:
-                self.health.note = (
-                    f"{refusal}; it keeps its own rate, and sends at most {CARRIED_HZ} Hz at 115200 bit/s"
-                )
-                refusal = ""
-        elif number == PRODUCT_NAME:
-            self._product = parse_name(content)
-        else:
-            self.identity = f"{self._product} {parse_name(content)}".strip()
-        self._startup.handle_answer(now_ns, refusal, skip=skip)
+    def _confirm_rate(self, content: bytes) -> str:
+        if refusal := _refusal("rate", content):
+            self.health.note = f"{refusal}; it keeps its own rate, and sends at most {CARRIED_HZ} Hz at 115200 bit/s"
+        return ""
+
+    def _compare_filter(self, content: bytes) -> str:
+        if content[:2] == self._filter or not (content[0] or self._filter[0]):
+            self._startup.skip_next()
+        return ""
+
+    def _read_product(self, content: bytes) -> str:
+        self._product = parse_name(content)
+        return ""
+
+    def _read_serial(self, content: bytes) -> str:
+        self.identity = f"{self._product} {parse_name(content)}".strip()
+        return ""
+
+
+def _request(
+    name: str, number: int, handle: Callable[[bytes], str], arguments: bytes = b"", answer: str = "optional"
+) -> Step:
+    return Step(name, encode_command(number, arguments), answer, reply=number, handle=handle)
+
+
+def _refusal(name: str, content: bytes) -> str:
+    """Return why a setting was refused, "" if it was accepted."""
+    error = content[1]
+    return f"refused {name}: {_REFUSALS.get(error, f'code {error}')}" if error else ""
 
 
 DEVICE = Device(

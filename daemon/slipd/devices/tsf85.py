@@ -61,16 +61,12 @@ class Decoder(FrameDecoder):
 
     Raises:
         ValueError: The unit is not a positive integer.
-
-    Attributes:
-        firmware: Firmware version among the bytes received last; "" if there was none.
     """
 
     def __init__(self, timestamp_unit_ns: int | None = None) -> None:
         if timestamp_unit_ns is not None and not (isinstance(timestamp_unit_ns, int) and timestamp_unit_ns > 0):
             raise ValueError(f"timestamp_unit_ns must be a positive integer, got {timestamp_unit_ns!r}")
         super().__init__()
-        self.firmware = ""
         self._unit_ns = timestamp_unit_ns
         self._unconfirmed: tuple[bytes, int] | None = None
         self._newest: dict[int, tuple[bytes, int]] = {}  # by finger: array of the last sample, and its time of receipt
@@ -80,7 +76,7 @@ class Decoder(FrameDecoder):
         """Decode bytes received at ``t_ns``; return the images they complete."""
         buffer, found = self._frames.receive(data)
         samples: list[TactileSample] = []
-        self.firmware = ""
+        self.replies = []
         for at, in_sync in found:
             packet = buffer[at : at + _HEAD_LENGTH + buffer[at + 3]]
             if in_sync:
@@ -105,7 +101,7 @@ class Decoder(FrameDecoder):
         content = packet[_HEAD_LENGTH:]
         if packet[2] != VERSION:
             return self._samples(content, t_ns)
-        self.firmware = content.decode("ascii").strip("\0\r\n ")
+        self.replies.append((VERSION, content))
         return []
 
     def _samples(self, content: bytes, t_ns: int) -> list[TactileSample]:
@@ -183,7 +179,7 @@ def encode_block(kind: int, finger: int, values: Array | list[int]) -> bytes:
     return bytes((kind | finger << 2,)) + np.asarray(values).astype(word).tobytes()
 
 
-class Session(SensorSession[TactileSample]):
+class Session(SensorSession[Decoder]):
     """Stop the sensor, request its firmware version, and start packets at a fixed period.
 
     `state` is "closed", "waiting", "configuring", "running" or "no answer to start"; a sensor that does not report its
@@ -198,22 +194,19 @@ class Session(SensorSession[TactileSample]):
         ValueError: An option is out of range.
     """
 
-    decoder: Decoder
-
     def __init__(self, period_ms: int = 1, timestamp_unit_ns: int | None = None) -> None:
         check_integer("period_ms", period_ms, 1, LONGEST_PERIOD_MS)
         stop = encode_packet(AUTOSEND, b"\0")
         steps = [
             Step("stop", stop, "none", _STOP_PAUSE_NS),
-            Step("version", encode_packet(VERSION), "optional"),
+            Step("version", encode_packet(VERSION), "optional", reply=VERSION, handle=self._handle_version),
             Step("start", encode_packet(AUTOSEND, bytes((period_ms,))), "none"),
         ]
         super().__init__(Decoder(timestamp_unit_ns), StartupSequence(steps), stop)
 
-    def _handle_answers(self, now_ns: int) -> None:
-        if self.decoder.firmware:
-            self.identity = self.decoder.firmware
-            self._startup.handle_answer(now_ns)
+    def _handle_version(self, content: bytes) -> str:
+        self.identity = content.decode("ascii").strip("\0\r\n ")
+        return ""
 
 
 DEVICE = Device(

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
+from functools import partial
 
 from slipd.devices import Device, RateOption
 from slipd.devices.shared import weiss_tactile as tactile
 from slipd.devices.shared.device_interface import check_integer
 from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, STATUS_WORDS, encode
-from slipd.devices.shared.weiss_tactile import FULL_SCALE, MAX_CELLS, Query, TactileDecoder, TactileSession, Words
+from slipd.devices.shared.weiss_tactile import FULL_SCALE, MAX_CELLS, TactileDecoder, TactileSession, Words
 from slipd.types.samples import TactileSample
 
 START = 0x21
@@ -86,7 +87,10 @@ def encode_start(interval_ms: int) -> bytes:
     return encode(START, START_FIELDS.pack(0, interval_ms), SEED_WITH_PREAMBLE)
 
 
-class Session(TactileSession):
+_query = partial(tactile.query, REPLY_SIZES, STATUS_WORDS)
+
+
+class Session(TactileSession[Decoder]):
     """Read serial number and matrix, and start the images; `identity` is the module's serial number.
 
     Args:
@@ -96,24 +100,16 @@ class Session(TactileSession):
         ValueError: The interval is out of range or not an integer.
     """
 
-    decoder: Decoder
-
     def __init__(self, interval_ms: int = 10) -> None:
         check_integer("interval_ms", interval_ms, 0, MAX_INTERVAL_MS)
         stop = encode_query(STOP)
-        queries = [
-            Query(
-                "system information",
-                encode_query(SYSTEM),
-                attempts=_ATTEMPTS,
-                reply_id=SYSTEM,
-                handle=self._handle_system,
-            ),
-            Query("matrix information", encode_query(MATRIX), reply_id=MATRIX, handle=self._handle_matrix),
-            Query("stop", stop, reply_id=STOP, tolerates=_NOT_RUNNING),
-            Query("start", encode_start(interval_ms), reply_id=START, tolerates=_ALREADY_RUNNING),
+        steps = [
+            _query("system information", encode_query(SYSTEM), handle=self._handle_system, attempts=_ATTEMPTS),
+            _query("matrix information", encode_query(MATRIX), handle=self._handle_matrix),
+            _query("stop", stop, tolerates=_NOT_RUNNING),
+            _query("start", encode_start(interval_ms), tolerates=_ALREADY_RUNNING),
         ]
-        super().__init__(Decoder(), queries, stop, STATUS_WORDS, interval_ms * 1_000_000)
+        super().__init__(Decoder(), steps, stop, interval_ms * 1_000_000)
 
     def _handle_system(self, payload: bytes) -> str:
         self.identity = f"S/N {SYSTEM_FIELDS.unpack(payload)[4]}"

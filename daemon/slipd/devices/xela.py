@@ -1,6 +1,8 @@
 """XELA uSkin pads through the vendor's server: JSON text over a WebSocket, three axes a taxel.
 
-JSON objects are self-delimiting, so the decoder does not need the transport to deliver messages one by one.
+A message is a JSON object whose members are at most objects without objects, and no string of it contains a brace. So
+the braces delimit it, and the decoder does not need the transport to deliver messages one by one.
+
 Sources: the maker's ROS node, mcsix/xela_server_ros at 21c2970, ``scripts/xela_service``, ``message_parser`` (version
 1.7.6): ``time``, ``sensor``, ``model``, ``taxels``, ``data`` as hexadecimal words, ``calibrated``. Version 1.7.7:
 omron-sinicx/xela_server_ros at f978386, ``notes/websocket-data-structure.md``: ``data`` is a list of integers, three a
@@ -13,21 +15,19 @@ from __future__ import annotations
 
 import json
 import re
-from collections import deque
-from collections.abc import Iterator
 from json import JSONDecodeError
 from typing import Any
 
 import numpy as np
 
 from slipd.devices import Device
-from slipd.devices.shared.device_interface import DecoderHealth
+from slipd.devices.shared.frame_scanner import NO_FRAME, FrameDecoder, MessageScanner
 from slipd.devices.shared.sequence_tracker import SequenceTracker
 from slipd.types.arrays import Array
 from slipd.types.samples import TactileSample
 
 MAX_MESSAGE = 1 << 17
-"""Longest message, characters; a hand of 368 taxels with all fields of version 1.7.7 fills 54,053."""
+"""Longest message, bytes; a hand of 368 taxels with all fields of version 1.7.7 fills 54,053."""
 
 MOST_FAULTS = 4
 """Sensors whose faults are named at a time."""
@@ -37,21 +37,18 @@ NO_TAXELS = (
 )
 REPEATED = "sensor {}: the server repeats its last values and time: does the pad have power, and is its CAN bus up?"
 
-DEEPEST = 16
-"""Number of open braces that are kept; a message has at most two open at a time."""
-
 AXES = 3
-_KEY = '"message"'
-_MESSAGE = re.compile(r"\{[ \t\r\n]*" + _KEY)
-_BEFORE_A_NUMBER = "[,:- \t\r\n"
+_KEY = b'"message"'
+_BEGIN = re.compile(rb"\{")
+_OBJECT = re.compile(rb"\{[^{}]*+(?:\{[^{}]*+\}[^{}]*+)*+(?:(\})|(?:\{[^{}]*+)?\Z)")  # closed (group 1) or not yet
+_BARE_POINT = re.compile(r"(?<=[\s\[,:-])\.")
 _WORDS = re.compile("[0-9A-Fa-f]{1,4}(?:,[0-9A-Fa-f]{1,4})*")
-_JSON = json.JSONDecoder()
 _LATEST_TIME_S = 9e9  # its nanoseconds still fit 64 bits
 _LARGEST_VALUE = 1e12  # far beyond any force; also keeps out infinities, NaN and integers that no float holds
 _NUMBER_SPAN = 1 << 63  # limit of the sequence number
 
 
-class Decoder:
+class Decoder(FrameDecoder):
     """Return a tactile sample of every sensor in a message; ``source`` is the sensor's key, such as "1".
 
     ``values`` has shape (taxels, 3): X, Y, Z per taxel, row by row from the top left. ``device_time_ns`` is the
@@ -61,83 +58,32 @@ class Decoder:
     not. `health.warning` names the sensors whose values and time are those of the message before: the server goes on
     without its pads, and the images count as stuck.
 
-    Whatever the server sends, each character is searched for braces once and parsed at most twice. An object is parsed
-    when its brace closes, if it begins with the key "message" or is not nested. An invalid one discards the objects
-    around it, which are not JSON either. No string from the server contains a brace.
-
     Args:
         calibrated: Whether to use the server's calibrated forces instead of the raw 16-bit readings; a sensor without
             them is then bad.
     """
 
+    _frames: MessageScanner[dict[str, Any]]
+
     def __init__(self, calibrated: bool = False) -> None:
-        self.health = DecoderHealth()
+        super().__init__()
         self._calibrated = calibrated
-        self._text = ""  # from the first open brace on
-        self._searched = 0  # length of the part already searched for braces
-        self._open: deque[int] = deque(maxlen=DEEPEST)
-        self._in_garbage = False
+        self._frames = MessageScanner(_BEGIN, _measure, _parse, self.health, text=b" \t\r\n")
         # a WebSocket keeps the order, so a falling number is a restart of the server
         self._sequence = SequenceTracker(_NUMBER_SPAN, self.health, late_within=0)
         self._newest: dict[str, tuple[object, object]] = {}  # time and values of each sensor, as sent
 
     def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
         """Decode bytes received at ``t_ns``; return the readings they complete."""
-        self._text += data.decode("latin-1")  # one character per byte, so that no split can cut one; only ASCII matters
-        samples: list[TactileSample] = []
-        done = 0
-        for at, opens in _braces(self._text, self._searched):
-            self._drop_braces_before(at)
-            if opens:
-                self._open.append(at)
-            elif self._open:
-                begin = self._open.pop()
-                message = self._object(begin, at + 1)
-                if message is not None:
-                    self._count_garbage(self._text[done:begin])
-                    self._in_garbage = False
-                    done = at + 1
-                    samples += self._decode(message, t_ns)
-        self._drop_braces_before(len(self._text))
-        self._keep_from(self._open[0] if self._open else len(self._text), done)
+        samples = [sample for message in self._frames.messages(data) for sample in self._decode(message, t_ns)]
         self.health.good += len(samples)
         return samples
 
     def forget(self) -> None:
-        """Drop a partial message and the expected sequence number, because the line was closed."""
-        self._open.clear()
-        self._keep_from(len(self._text), 0)
+        """Drop a partial message and the expected sequence numbers, because the line was closed."""
+        super().forget()
         self._sequence.forget()
         self._newest.clear()
-
-    def _object(self, begin: int, end: int) -> dict[str, Any] | None:
-        """Parse the object between two braces if it can be a message; return None if it is none."""
-        if not _MESSAGE.match(self._text, begin) and (self._open or self._text.find(_KEY, begin, end) < 0):
-            return None
-        self._open.clear()
-        return _parse(self._text[begin:end])
-
-    def _drop_braces_before(self, at: int) -> None:
-        """Drop the braces that opened too long before ``at``."""
-        while self._open and at - self._open[0] >= MAX_MESSAGE:
-            self._open.popleft()
-
-    def _keep_from(self, keep: int, done: int) -> None:
-        """Drop the text before ``keep``; what is not part of a message, from ``done`` on, is garbage."""
-        self._count_garbage(self._text[done:keep])
-        self._text = self._text[keep:]
-        self._searched = len(self._text)
-        self._open = deque((at - keep for at in self._open), DEEPEST)
-
-    def _count_garbage(self, text: str) -> None:
-        """Count text outside messages, except white space."""
-        if not text:
-            return
-        garbage = sum(map(len, text.split()))
-        if garbage:
-            self.health.bad_bytes += garbage
-            self.health.bad += not self._in_garbage
-            self._in_garbage = True
 
     def _decode(self, message: dict[str, Any], t_ns: int) -> list[TactileSample]:
         number = message.get("message")
@@ -184,33 +130,30 @@ class Decoder:
         return np.array(numbers, dtype=np.float64).reshape(taxels, AXES)
 
 
-def _braces(text: str, at: int) -> Iterator[tuple[int, bool]]:
-    """Yield the place of each brace from ``at`` on, and whether it opens."""
-    opens, closes = text.find("{", at), text.find("}", at)
-    while opens >= 0 or closes >= 0:
-        if closes < 0 or 0 <= opens < closes:
-            yield opens, True
-            opens = text.find("{", opens + 1)
-        else:
-            yield closes, False
-            closes = text.find("}", closes + 1)
+def _measure(buffer: bytes, at: int) -> int:
+    """Return the length of the object at ``at``; 0 if more bytes may close it, else `NO_FRAME`."""
+    found = _OBJECT.match(buffer, at)
+    if found is None or found.end() - at > MAX_MESSAGE:
+        return NO_FRAME
+    return found.end() - at if found[1] else 0
 
 
-def _parse(text: str) -> dict[str, Any] | None:
-    """Parse an object; return None if it is not JSON.
+def _parse(data: bytes) -> dict[str, Any] | None:
+    """Parse an object; return None if it is not JSON or not a message.
 
     The server sends numbers such as ``.8365479``, which are not JSON: a zero is added before a second attempt.
     """
+    if _KEY not in data:
+        return None
+    text = data.decode("latin-1")  # one character per byte; only ASCII matters
     try:
         try:
-            value, end = _JSON.raw_decode(text)
+            value = json.loads(text)
         except JSONDecodeError:
-            for before in _BEFORE_A_NUMBER:
-                text = text.replace(f"{before}.", f"{before}0.")
-            value, end = _JSON.raw_decode(text)
+            value = json.loads(_BARE_POINT.sub("0.", text))
     except (ValueError, RecursionError):  # not JSON, a number of thousands of digits, or deep nesting
         return None
-    return dict(value) if end == len(text) else None
+    return dict(value)
 
 
 def _words(data: object) -> list[int]:

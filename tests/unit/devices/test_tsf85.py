@@ -116,9 +116,11 @@ def test_an_array_is_an_image_once_per_refresh_and_one_that_stays_is_repeated() 
     ],
 )
 def test_the_firmware_is_read_from_its_answer(stream: bytes, firmware: str) -> None:
-    decoder = tsf85.Decoder()
-    decoder.receive(stream, 0)
-    assert decoder.firmware == firmware
+    session = tsf85.Session()
+    session.start(0)
+    session.on_time(1 << 30)
+    session.receive(stream, 1 << 30)
+    assert session.identity == firmware
 
 
 def test_L5_out_of_sync_a_packet_is_returned_with_the_next_one_unless_the_line_was_unplugged_between() -> None:

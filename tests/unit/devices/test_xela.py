@@ -76,8 +76,8 @@ CASES = {
         ],
     ),
     "a whole hand is read": Case(
-        encode_message(7, {str(n): pad(n, 368) for n in range(1, 17)}, 1_700_000_000.25),
-        fields("values", [pad(n, 368) for n in range(1, 17)]),
+        encode_message(7, {str(n): pad(n, 23) for n in range(1, 17)}, 1_700_000_000.25),
+        fields("values", [pad(n, 23) for n in range(1, 17)]),
     ),
     "calibrated values are used if configured, and the server calibrates only the first": Case(
         encode_message(3, {"1": pad(1), "2": pad(2)}, 1.0, {"1": FORCES}),

@@ -13,8 +13,7 @@ import numpy as np
 
 from slipd.devices import Device
 from slipd.devices.external.external_message import MAX_MESSAGE, encode_reading, measure, parse
-from slipd.devices.shared.frame_scanner import FrameDecoder
-from slipd.devices.shared.msgpack_messages import MsgpackScanner
+from slipd.devices.shared.frame_scanner import FrameDecoder, MessageScanner
 from slipd.devices.shared.sequence_tracker import SequenceTracker
 from slipd.types.arrays import Array
 from slipd.types.samples import ArmSample, ObjectSample, TactileSample, WrenchSample
@@ -42,11 +41,11 @@ class Decoder(FrameDecoder):
     Status names: those of the message, and "invalid" if a value is not finite.
     """
 
-    _frames: MsgpackScanner[dict[str, Any]]
+    _frames: MessageScanner[dict[str, Any]]
 
     def __init__(self) -> None:
         super().__init__()
-        self._frames = MsgpackScanner(_BEGIN, measure, parse, self.health, limited=True)
+        self._frames = MessageScanner(_BEGIN, measure, parse, self.health)
         self._sequences: dict[str, SequenceTracker] = {}
 
     def receive(self, data: bytes, t_ns: int) -> list[Reading]:

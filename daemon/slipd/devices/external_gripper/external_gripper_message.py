@@ -15,7 +15,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import msgpack
 from pydantic import AfterValidator, ConfigDict, Field, Strict, TypeAdapter, ValidationError
 
-from slipd.devices.shared.frame_scanner import FrameDecoder
+from slipd.devices.shared.frame_scanner import FrameDecoder, MessageScanner
 from slipd.devices.shared.msgpack_messages import (
     FIXARRAY,
     FIXSTR,
@@ -23,7 +23,6 @@ from slipd.devices.shared.msgpack_messages import (
     NUMBER_LENGTHS,
     STR8,
     Malformed,
-    MsgpackScanner,
     arrived,
     byte_at,
     map_end,
@@ -201,11 +200,11 @@ class Decoder(FrameDecoder):
     a value of the wrong type, or a number that is not finite or beyond any gripper's range.
     """
 
-    _frames: MsgpackScanner[Message]
+    _frames: MessageScanner[Message]
 
     def __init__(self) -> None:
         super().__init__()
-        self._frames = MsgpackScanner(_BEGIN, measure, parse, self.health, limited=False)
+        self._frames = MessageScanner(_BEGIN, measure, parse, self.health)
 
     def receive(self, data: bytes, t_ns: int) -> list[GripperSample]:
         """Decode bytes received at ``t_ns``; return the readings they complete."""

@@ -10,6 +10,7 @@ of the sensor, which slipd changes only where the option ``output_hz`` is given 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
 from typing import Any
@@ -27,10 +28,11 @@ from slipd.devices.netft.netft_calibration import (
     rate_fault,
 )
 from slipd.devices.shared import rdt_records as rdt
-from slipd.devices.shared.device_interface import DecoderHealth, check_choice
+from slipd.devices.shared.device_interface import check_choice
+from slipd.devices.shared.frame_scanner import FrameDecoder
 from slipd.devices.shared.sensor_session import RETRY_PAUSE_NS, SensorSession, StartupSequence, Step
 from slipd.types.arrays import Array
-from slipd.types.samples import WrenchSample
+from slipd.types.samples import Sample, WrenchSample
 
 _BIT_NAMES = {
     0: ("temperature",),
@@ -54,7 +56,7 @@ MONITOR = "a monitor condition is latched in the sensor (Thresholding on its web
 _RESERVED = ~(sum(1 << bit for bit in _BIT_NAMES) | _ANY_ERROR) & 0xFFFF_FFFF
 
 
-class Decoder:
+class Decoder(FrameDecoder):
     """Decode records, one or many per datagram, to wrench samples.
 
     ``device_time_ns`` is the sensor's sample counter, unwrapped, at its nominal rate. `health.lost` counts the gaps in
@@ -87,10 +89,10 @@ class Decoder:
         torque_unit: str = "N-m",
         internal_hz: float = INTERNAL_HZ,
     ) -> None:
-        self.health = DecoderHealth()
+        super().__init__()
         calibration = netft_calibration.from_counts(counts_per_force, counts_per_torque, force_unit, torque_unit)
         self._internal_hz = netft_calibration.checked_hz("internal_hz", internal_hz)
-        self._records = rdt.RecordScanner(self.health, _RESERVED)
+        self._frames: rdt.RecordScanner = rdt.RecordScanner(self.health, _RESERVED)
         self._per_count: Array | None = None
         self._warning = ""
         self.calibrate(calibration)
@@ -109,13 +111,9 @@ class Decoder:
             if self._internal_hz and calibration.internal_hz:
                 self._internal_hz = calibration.internal_hz
 
-    def forget(self) -> None:
-        """Drop a partial record, and expect the first record of a freshly opened stream."""
-        self._records.forget()
-
     def receive(self, data: bytes, t_ns: int) -> list[WrenchSample]:
         """Decode bytes received at ``t_ns``; return the readings they complete, in the sensor's frame."""
-        heads, counts = self._records.receive(data)
+        heads, counts = self._frames.records(data)
         if self._per_count is None:
             self.health.bad += len(heads)
             return []
@@ -156,7 +154,7 @@ def _status_names(status: int) -> tuple[str, ...]:
 _INQUIRIES = {"tcp": netft_calibration.TCP_INQUIRY, "xml": netft_calibration.XML_INQUIRY, "config": None}
 
 
-class Session(SensorSession[WrenchSample]):
+class Session(SensorSession[Decoder]):
     """Receive the calibration, start the records, and start them again whenever they fall silent.
 
     The answer to the inquiry is the first data on the link. No reading is returned before it is known. `state` is
@@ -180,8 +178,6 @@ class Session(SensorSession[WrenchSample]):
     Raises:
         ValueError: An option is out of range or unknown.
     """
-
-    decoder: Decoder
 
     def __init__(
         self,
@@ -223,7 +219,7 @@ class Session(SensorSession[WrenchSample]):
         self._set_trouble("waiting for calibration", now_ns)
         return b""
 
-    def receive(self, data: bytes, now_ns: int) -> list[WrenchSample]:
+    def receive(self, data: bytes, now_ns: int) -> Sequence[Sample]:
         """Decode bytes received at ``now_ns``; return the readings they complete."""
         if self._answer is not None:
             self._handle_answer(self._answer + data, now_ns)

@@ -14,7 +14,6 @@ from slipd.devices.optoforce.optoforce_frames import Decoder
 from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.device_interface import check_choice, check_integer
 from slipd.devices.shared.sensor_session import SensorSession, StartupSequence, Step, strip_padding
-from slipd.types.samples import WrenchSample
 
 __all__ = ["DEVICE", "Decoder", "Session"]
 
@@ -27,13 +26,11 @@ LONGEST_UDP_PERIOD_MS = 255
 
 UDP_FILTER, UDP_PERIOD = 0x0081, 0x0082
 
-_CONFIGURATION, _SERIAL_NUMBER = "configuration", "serial number"
 
-
-class Session(SensorSession[WrenchSample]):
+class Session(SensorSession[Decoder]):
     """Set rate and filter, start the readings, and repeat this whenever they fall silent; never tare.
 
-    `state` is "closed", "waiting", "configuring", "running", or the problem, such as "no answer to configuration".
+    `state` is as in `StartupSequence`, such as "no answer to configuration".
     `identity` is the serial number of a serial DAQ; the converter does not report one.
 
     Args:
@@ -46,8 +43,6 @@ class Session(SensorSession[WrenchSample]):
         ValueError: An option is out of range or unknown.
     """
 
-    decoder: Decoder
-
     def __init__(self, wiring: str = "serial", period_ms: int = 1, filter_hz: float = 150.0, **reading: Any) -> None:
         decoder = Decoder(wiring, **reading)
         check_choice("filter_hz", filter_hz, FILTERS_HZ)
@@ -55,8 +50,19 @@ class Session(SensorSession[WrenchSample]):
         if wiring == "serial":
             check_choice("period_ms", period_ms, SERIAL_PERIODS_MS)
             steps = [
-                Step(_CONFIGURATION, frames.encode_configuration(period_ms, filter_code)),
-                Step(_SERIAL_NUMBER, frames.GET_SERIAL_NUMBER, "optional"),
+                Step(
+                    "configuration",
+                    frames.encode_configuration(period_ms, filter_code),
+                    reply=frames.ACK,
+                    handle=lambda body: f"refused configuration: code {body[0]}" if body[0] else "",
+                ),
+                Step(
+                    "serial number",
+                    frames.GET_SERIAL_NUMBER,
+                    "optional",
+                    reply=frames.SERIAL_NUMBER,
+                    handle=self._read_serial,
+                ),
             ]
             stop = frames.encode_configuration(0, filter_code)
         else:
@@ -69,14 +75,10 @@ class Session(SensorSession[WrenchSample]):
             stop = rdt.encode_request(rdt.STOP)
         super().__init__(decoder, StartupSequence(steps), stop)
 
-    def _handle_answers(self, now_ns: int) -> None:
-        for header, body in self.decoder.replies:
-            if (header, self._startup.awaited) == (frames.ACK, _CONFIGURATION):
-                self._startup.handle_answer(now_ns, f"refused {_CONFIGURATION}: code {body[0]}" if body[0] else "")
-            elif (header, self._startup.awaited) == (frames.SERIAL_NUMBER, _SERIAL_NUMBER):
-                serial = strip_padding(body)
-                self.identity = f"S/N {serial}" if serial else ""
-                self._startup.handle_answer(now_ns)
+    def _read_serial(self, body: bytes) -> str:
+        serial = strip_padding(body)
+        self.identity = f"S/N {serial}" if serial else ""
+        return ""
 
 
 DEVICE = Device(

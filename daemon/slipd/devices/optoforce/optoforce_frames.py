@@ -20,7 +20,7 @@ import numpy as np
 
 from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.device_interface import DecoderHealth, check_choice, check_integer
-from slipd.devices.shared.frame_scanner import NO_FRAME, FrameScanner
+from slipd.devices.shared.frame_scanner import NO_FRAME, FrameDecoder, FrameScanner
 from slipd.devices.shared.sequence_tracker import SequenceTracker
 from slipd.types.samples import WrenchSample
 
@@ -144,7 +144,7 @@ _SENSOR_ERRORS = {1: ("not_detected", "invalid"), 2: ("sensor_failure", "invalid
 _DAQ_ERRORS = {1: ("daq_error", "invalid"), 2: ("daq_communication", "invalid")}
 
 
-class Decoder:
+class Decoder(FrameDecoder):
     """Decode frames or records to wrench samples; ``torque_nm`` is None for a three-axis sensor.
 
     On the serial line the sensor's sensitivity report defines its counts; by default one count is 1 N or 1 N·m. The
@@ -168,9 +168,6 @@ class Decoder:
 
     Raises:
         ValueError: An option is out of range or unknown.
-
-    Attributes:
-        replies: Answers among the bytes received last: header and body of each frame.
     """
 
     def __init__(
@@ -186,20 +183,20 @@ class Decoder:
         for name, scales in (("counts_per_n", counts_per_n), ("counts_per_nm", counts_per_nm)):
             if len(scales) != 3 or not all(math.isfinite(scale) and scale for scale in scales):
                 raise ValueError(f"{name} must be three finite numbers, none of them zero, got {list(scales)}")
-        self.health = DecoderHealth()
-        self.replies: list[tuple[bytes, bytes]] = []
+        super().__init__()
         self._counts_per_unit = np.array([*counts_per_n, *counts_per_nm], dtype=np.float64)
         self._nominal = b""  # body of the frame of this name
         self._channel_at = _COUNTS_AT + channel * _THREE_COUNTS.size
         self._sequence = FrameCounter(self.health) if counted else None
-        self._frames = FrameScanner(_SYNC, _measure, _TYPICAL_LENGTH, self.health)
         self._records = rdt.RecordScanner(self.health, _UDP_RESERVED)
-        self._decode = self._decode_records if wiring == "udp" else self._decode_frames
+        self._frames, self._decode = self._records, self._decode_records
+        if wiring == "serial":
+            self._frames = FrameScanner(_SYNC, _measure, _TYPICAL_LENGTH, self.health)
+            self._decode = self._decode_frames
 
     def forget(self) -> None:
         """Drop a partial frame and the expected sequence number, because the line was closed."""
-        self._records.forget()
-        self._frames.forget()
+        super().forget()
         self._nominal, self.health.note = b"", ""
         if self._sequence:
             self._sequence.forget()
@@ -211,7 +208,7 @@ class Decoder:
         return samples
 
     def _decode_records(self, data: bytes, t_ns: int) -> list[WrenchSample]:
-        heads, counts = self._records.receive(data)
+        heads, counts = self._records.records(data)
         forces, torques = (counts[:, :3] / UDP_COUNTS_PER_N).tolist(), (counts[:, 3:] / UDP_COUNTS_PER_NM).tolist()
         return [
             WrenchSample(t_ns, ticks * _UDP_TICK_NS, force, torque, _status_names(status))

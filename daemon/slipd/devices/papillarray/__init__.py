@@ -6,6 +6,8 @@ sensors, because slipd's own tares are reversible. Sources: see `papillarray_fra
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from slipd.devices import Device, RateOption
@@ -15,7 +17,7 @@ from slipd.devices.shared.device_interface import check_choice
 from slipd.devices.shared.frame_scanner import FrameDecoder, FrameScanner
 from slipd.devices.shared.sensor_session import SensorSession, StartupSequence, Step
 from slipd.devices.shared.sequence_tracker import SequenceTracker
-from slipd.types.samples import TactileSample
+from slipd.types.samples import Sample, TactileSample
 
 __all__ = ["DEVICE", "Decoder", "Session"]
 
@@ -82,7 +84,7 @@ def _samples(body: frames.Body, t_ns: int) -> list[TactileSample]:
 RATES_HZ = (100, 250, 500, 1000)
 
 
-class Session(SensorSession[TactileSample]):
+class Session(SensorSession[Decoder]):
     """Set the controller's rate, and set it again whenever the stream falls silent.
 
     `state` is "closed", "waiting", "running" or "no answer to rate". The controller does not identify itself, so
@@ -95,14 +97,12 @@ class Session(SensorSession[TactileSample]):
         ValueError: The rate is not one of these.
     """
 
-    decoder: Decoder
-
     def __init__(self, rate_hz: int = 500) -> None:
         check_choice("rate_hz", rate_hz, RATES_HZ)
         # There is no last request, because the controller has no command that stops it.
         super().__init__(Decoder(), StartupSequence([Step("rate", f"f{rate_hz}\n".encode(), "none")]))
 
-    def receive(self, data: bytes, now_ns: int) -> list[TactileSample]:
+    def receive(self, data: bytes, now_ns: int) -> Sequence[Sample]:
         """Decode bytes received at ``now_ns``; return the images they complete."""
         samples = super().receive(data, now_ns)
         if self.decoder.bodies:  # the controller sends, even if no sensor is connected

@@ -6,9 +6,14 @@ misaligned, and a good frame after a damaged one is not lost.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+import sys
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from typing import Generic, TypeVar
 
 from slipd.devices.shared.device_interface import DecoderHealth
+from slipd.types.samples import Sample
 
 NO_FRAME = -1
 """What ``measure`` returns where no frame begins."""
@@ -175,17 +180,92 @@ class FixedLengthScanner(FrameScanner):
         return super().receive(data, t_ns)
 
 
-class FrameDecoder:
-    """Base of decoders that find frames by a scanner; a subclass sets ``_frames`` and adds ``receive``.
+MessageT = TypeVar("MessageT")
+
+FREE_TRIES, BYTES_PER_TRY = 64, 64
+"""In a stretch of garbage, the places that are checked at once, and then the bytes per further place.
+
+Each check takes microseconds, and any two bytes may look like the beginning of a message.
+"""
+
+
+class MessageScanner(FrameScanner, Generic[MessageT]):
+    """Find messages that have no sync bytes and no checksum; each stretch of other bytes counts as one ``bad``.
+
+    Args:
+        begin: Pattern of the first bytes of a message.
+        measure: ``measure(buffer, at)`` returns the length of the message at ``at``; 0 if the buffer ends too early to
+            decide; `NO_FRAME` if there is none.
+        parse: ``parse(data)`` returns the content of a measured message; None if a value in it is impossible.
+        health: Receives ``bad`` and ``bad_bytes``.
+        text: See `FrameScanner`.
+    """
+
+    def __init__(
+        self,
+        begin: re.Pattern[bytes],
+        measure: Callable[[bytes, int], int],
+        parse: Callable[[bytes], MessageT | None],
+        health: DecoderHealth,
+        *,
+        text: bytes = b"",
+    ) -> None:
+        super().__init__(b"", self._measure_message, sys.maxsize, health, text=text, seek=self._next_try)
+        self._begin = begin
+        self._length_at = measure
+        self._parse = parse
+        self._found: list[MessageT] = []
+        self._done = 0  # end of the newest message in the buffer
+        self._tries = 0  # places after it that were checked in vain
+
+    def messages(self, data: bytes) -> list[MessageT]:
+        """Scan the next bytes of the stream; return the messages they complete."""
+        self._found, self._done = [], 0
+        self.receive(data)
+        return self._found
+
+    def forget(self) -> None:
+        """Drop a partial message, because the line was closed; what comes next is no part of earlier garbage."""
+        super().forget()
+        self._tries = 0
+
+    def _measure_message(self, buffer: bytes, at: int) -> int:
+        """Measure a message for `FrameScanner`, which calls this once per valid message, and keep its content."""
+        length = self._length_at(buffer, at)
+        if length <= 0:
+            return length
+        message = self._parse(buffer[at : at + length])
+        if message is None:
+            return NO_FRAME
+        self._found.append(message)
+        self._done, self._tries = at + length, 0
+        return length
+
+    def _next_try(self, buffer: bytes, at: int) -> int:
+        """Return the index of the next byte from ``at`` on where a message may begin; -1 if there is none."""
+        self._tries += 1
+        allowed = self._done + (self._tries - FREE_TRIES) * BYTES_PER_TRY - self._damage
+        begin = self._begin.search(buffer, max(at, allowed))
+        return begin.start() if begin else -1
+
+
+class FrameDecoder(ABC):
+    """Base of decoders that find frames by a scanner; a subclass sets ``_frames``.
 
     Attributes:
         health: Its counts.
+        replies: Answers to requests among the bytes received last: what identifies each, and its content.
     """
 
     _frames: FrameScanner
 
     def __init__(self) -> None:
         self.health = DecoderHealth()
+        self.replies: list[tuple[object, bytes]] = []
+
+    @abstractmethod
+    def receive(self, data: bytes, t_ns: int) -> Sequence[Sample]:
+        """Decode bytes received at ``t_ns``; return the readings they complete."""
 
     def forget(self) -> None:
         """Drop a partial frame, because the line was closed."""

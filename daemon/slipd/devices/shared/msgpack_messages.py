@@ -1,4 +1,4 @@
-"""Msgpack messages from other processes: checked before they are unpacked, and found again after garbage.
+"""Msgpack messages from other processes, checked before they are unpacked.
 
 msgpack accepts nested huge lists, extension types and duplicate keys, and cannot detect early that the bytes received
 so far will never become a message. So the bounds of a message are checked first: a map of known keys, each once, each
@@ -8,13 +8,9 @@ they cannot.
 
 from __future__ import annotations
 
-import re
-import sys
 from collections.abc import Callable, Collection, Mapping
-from typing import Generic, TypeVar
 
-from slipd.devices.shared.device_interface import DecoderHealth
-from slipd.devices.shared.frame_scanner import NO_FRAME, FrameScanner
+from slipd.devices.shared.frame_scanner import NO_FRAME
 
 
 class Incomplete(Exception):  # noqa: N818
@@ -181,73 +177,3 @@ def _known_key(buffer: bytes, at: int, known: Collection[bytes]) -> tuple[bytes,
     if key not in known or end > len(buffer):
         raise Malformed
     return key, end
-
-
-MessageT = TypeVar("MessageT")
-
-FREE_TRIES, BYTES_PER_TRY = 64, 64
-"""In a stretch of garbage, the places that are checked at once, and then the bytes per further place.
-
-Each check takes microseconds, and any two bytes may look like the beginning of a message.
-"""
-
-
-class MsgpackScanner(FrameScanner, Generic[MessageT]):
-    """Find messages; each stretch of other bytes counts as one ``bad``.
-
-    Args:
-        begin: Pattern of the first bytes of a message.
-        measure: ``measure(buffer, at)`` returns the length of the message at ``at``; 0 if the buffer ends too early to
-            decide; -1 if there is none.
-        parse: ``parse(data)`` returns a measured message; None if a value in it is impossible.
-        health: Receives ``bad`` and ``bad_bytes``.
-        limited: Whether to limit the number of places that are checked in garbage.
-    """
-
-    def __init__(
-        self,
-        begin: re.Pattern[bytes],
-        measure: Callable[[bytes, int], int],
-        parse: Callable[[bytes], MessageT | None],
-        health: DecoderHealth,
-        *,
-        limited: bool,
-    ) -> None:
-        super().__init__(b"", self._measure_message, sys.maxsize, health, seek=self._next_try)
-        self._begin = begin
-        self._length_at = measure
-        self._parse = parse
-        self._bytes_per_try = BYTES_PER_TRY if limited else 0
-        self._found: list[MessageT] = []
-        self._done = 0  # end of the newest message in the buffer
-        self._tries = 0  # places after it that were checked in vain
-
-    def messages(self, data: bytes) -> list[MessageT]:
-        """Scan the next bytes of the stream; return the messages they complete."""
-        self._found, self._done = [], 0
-        self.receive(data)
-        return self._found
-
-    def forget(self) -> None:
-        """Drop a partial message, because the line was closed; what comes next is no part of earlier garbage."""
-        super().forget()
-        self._tries = 0
-
-    def _measure_message(self, buffer: bytes, at: int) -> int:
-        """Measure a message for `FrameScanner`, which calls this once per valid message, and keep its content."""
-        length = self._length_at(buffer, at)
-        if length <= 0:
-            return length
-        message = self._parse(buffer[at : at + length])
-        if message is None:
-            return NO_FRAME
-        self._found.append(message)
-        self._done, self._tries = at + length, 0
-        return length
-
-    def _next_try(self, buffer: bytes, at: int) -> int:
-        """Return the index of the next byte from ``at`` on where a message may begin; -1 if there is none."""
-        self._tries += 1
-        allowed = self._done + (self._tries - FREE_TRIES) * self._bytes_per_try - self._damage
-        begin = self._begin.search(buffer, max(at, allowed))
-        return begin.start() if begin else -1

@@ -66,7 +66,7 @@ Head = tuple[int, int]
 """Ticks of the sensor's clock, unwrapped, and the status with `AT_RAIL`."""
 
 
-class RecordScanner:
+class RecordScanner(FrameScanner):
     """Find the records of a stream, and unwrap the sensor's clock.
 
     The first record of a stream is accepted if its number is low; in sync, the record with the next number is accepted.
@@ -79,17 +79,16 @@ class RecordScanner:
     """
 
     def __init__(self, health: DecoderHealth, reserved: int) -> None:
-        self._health = health
+        super().__init__(b"", self._record_length, RECORD_LENGTH, health, seek=self._next_stream)
         self._reserved = reserved
-        self._frames = FrameScanner(b"", self._measure, RECORD_LENGTH, health, seek=self._seek)
         self._sequence = SequenceTracker(_SPAN, health, first=_FIRST)
         self._newest: int | None = None
         self._newest_ticks = 0
         self._reserved_bits = 0  # of the newest record
-        self._in_sync = True
+        self._aligned = True
         self._returned: tuple[int, int] | None = None  # number and unwrapped clock of the record returned last
 
-    def receive(self, data: bytes) -> tuple[list[Head], Array]:
+    def records(self, data: bytes) -> tuple[list[Head], Array]:
         """Scan the next bytes of the stream.
 
         Returns:
@@ -102,7 +101,7 @@ class RecordScanner:
         """Read a long datagram, whole records that follow the newest; return None, and change nothing, otherwise."""
         if len(data) % RECORD_LENGTH or len(data) <= _FEW * RECORD_LENGTH:
             return None
-        if self._returned is None or not self._frames.in_sync:
+        if self._returned is None or not self.in_sync:
             return None
         number, clock = self._returned
         if (number, clock % _SPAN) != (self._newest, self._newest_ticks):
@@ -126,7 +125,7 @@ class RecordScanner:
 
     def _search(self, data: bytes) -> tuple[list[Head], Array]:
         """Read any bytes, record by record."""
-        buffer, found = self._frames.receive(data)
+        buffer, found = self.receive(data)
         heads: list[Head] = []
         rows: list[list[int]] = []
         for start, _ in found:
@@ -142,11 +141,11 @@ class RecordScanner:
 
     def forget(self) -> None:
         """Drop a partial record, and expect the first record of a freshly opened stream."""
-        self._frames.forget()
+        super().forget()
         self._sequence.forget()
-        self._newest, self._in_sync, self._returned = None, True, None
+        self._newest, self._aligned, self._returned = None, True, None
 
-    def _measure(self, buffer: bytes, at: int) -> int:
+    def _record_length(self, buffer: bytes, at: int) -> int:
         """Return the length of the record at ``at``, 0 if more bytes are needed to decide, else `NO_FRAME`."""
         if at + RECORD_LENGTH > len(buffer):
             return 0
@@ -157,17 +156,17 @@ class RecordScanner:
             if place + 2 * RECORD_LENGTH > len(buffer):
                 return 0
             if not self._pairs(buffer, place, 1, 1 if needs == _NEW_STREAM_NEEDS else _GAP_WITHIN - 1)[0]:
-                self._in_sync = False
+                self._aligned = False
                 return NO_FRAME
-        self._reserved_bits, self._in_sync = reserved, True
+        self._reserved_bits, self._aligned = reserved, True
         if self._newest is None or sequence == _FIRST or (self._newest - sequence) % _SPAN > LATE_WITHIN:
             self._newest, self._newest_ticks = sequence, ticks
         return RECORD_LENGTH
 
-    def _seek(self, buffer: bytes, at: int) -> int:
+    def _next_stream(self, buffer: bytes, at: int) -> int:
         """Return the first place from ``at`` on that is followed by `_NEW_STREAM_NEEDS` records, as far as received.
 
-        This is what `_measure` requires out of sync, for a block of places at once.
+        This is what `_record_length` requires out of sync, for a block of places at once.
         """
         end = len(buffer) - 2 * RECORD_LENGTH + 1  # from here on the next record is incomplete
         while at < end:
@@ -199,7 +198,7 @@ class RecordScanner:
 
     def _needs(self, sequence: int, ticks: int, same_reserved: bool) -> int:
         """Return how many records must follow one for it to be accepted."""
-        if not self._in_sync:
+        if not self._aligned:
             return _NEW_STREAM_NEEDS
         if self._newest is None:
             return 0 if same_reserved and sequence < _FIRST_WITHIN else _NEW_STREAM_NEEDS

@@ -1,16 +1,17 @@
 """Sessions with sensors: the requests that bring a device to sending readings, again when it falls silent, and polls.
 
-`StartupSequence` handles requests, answers and time, but does not know what they mean; the subclass of `SensorSession`
-does. `PolledSession` is for devices that answer each request with one reading.
+`StartupSequence` sends the requests, each a `Step`, and repeats what is not answered. `SensorSession` passes the
+answers that its decoder finds to their steps. `PolledSession` is for devices that answer each request with one reading.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
 from slipd.devices.shared.device_interface import DecoderHealth
+from slipd.devices.shared.frame_scanner import FrameDecoder
 from slipd.types.samples import Sample
 
 ANSWER_NS = 500_000_000
@@ -23,7 +24,7 @@ SILENCE_NS = 1_000_000_000
 """Silence after which the device no longer sends: four periods of the slowest configurable rate (4 Hz)."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Step:
     """One request.
 
@@ -34,6 +35,8 @@ class Step:
         pause_ns: Time to the next request if no answer comes. 0 means `ANSWER_NS`, or no pause after a request that is
             never answered.
         attempts: Number of times the request is sent without an answer.
+        reply: What its answer begins with in the ``replies`` of the decoder, such as the number of the command.
+        handle: ``handle(content)`` uses the answer, and returns what is wrong with it, "" if the device obeys.
     """
 
     name: str
@@ -41,13 +44,16 @@ class Step:
     answer: str = "required"
     pause_ns: int = 0
     attempts: int = ATTEMPTS
+    reply: object = None
+    handle: Callable[[bytes], str] = lambda _: ""
 
 
 class StartupSequence:
     """Send the requests one by one, then watch the readings.
 
-    `state` is "closed", "waiting" (nothing was received yet, or the device fell silent), "configuring", "running", or
-    the problem, such as "no answer to rate"; the sequence retries forever.
+    `state` is "closed", "waiting" (nothing was received yet, or the device fell silent), "configuring",
+    "waiting for readings" (the last request was answered), "running", or the problem, such as "no answer to rate"; the
+    sequence retries forever.
 
     Args:
         steps: The requests, in order; readings are expected after the last one. Steps after the one that is being
@@ -57,13 +63,13 @@ class StartupSequence:
 
     Attributes:
         state: As above.
-        awaited: Name of the request whose answer is awaited; "" while none is.
+        awaited: The request whose answer is awaited; None while none is.
         due_ns: When `on_time` is due; None while closed.
     """
 
     def __init__(self, steps: Sequence[Step], *, rest_ns: int = RETRY_PAUSE_NS, silence_ns: int = SILENCE_NS) -> None:
         self.state = "closed"
-        self.awaited = ""
+        self.awaited: Step | None = None
         self.due_ns: int | None = None
         self._steps = steps
         self._rest_ns = rest_ns
@@ -80,8 +86,7 @@ class StartupSequence:
     def stop(self) -> None:
         """End; nothing is due any more."""
         self.state = "closed"
-        self.awaited = ""
-        self.due_ns = None
+        self.awaited = self.due_ns = None
 
     def on_time(self, now_ns: int) -> bytes:
         """Return the request that is due at ``now_ns``; empty if none is."""
@@ -98,29 +103,32 @@ class StartupSequence:
             self._go_to(self._at + 1, now_ns + step.pause_ns)
         else:
             self._attempt += 1
-            self.awaited = step.name
+            self.awaited = step
             self.due_ns = now_ns + (step.pause_ns or ANSWER_NS)
         return step.request
 
-    def handle_answer(self, now_ns: int, error: str = "", *, skip: int = 0) -> None:
+    def handle_answer(self, now_ns: int, error: str = "") -> None:
         """Handle the answer to the awaited request.
 
         Args:
             now_ns: Time of receipt.
-            error: What is wrong with the answer, for people; "" if the device obeys. The request is then repeated.
-            skip: Number of following requests that the answer makes unnecessary.
+            error: What is wrong with the answer, for people, so that the request is repeated; "" if the device obeys.
         """
         if error:
             self.state = error
             self._go_to(self._at, now_ns + RETRY_PAUSE_NS)
         else:
             # After a repeated request the answer may belong to either attempt: let a second answer pass first.
-            self.resume(self._at + 1 + skip, now_ns if self._attempt == 1 else now_ns + ANSWER_NS)
+            self.resume(self._at + 1, now_ns if self._attempt == 1 else now_ns + ANSWER_NS)
+
+    def skip_next(self) -> None:
+        """Leave out the request after the awaited one, because the answer makes it unnecessary."""
+        self._at += 1
 
     def resume(self, index: int, due_ns: int) -> None:
         """Continue with request ``index`` at ``due_ns``; until then nothing received counts as an answer."""
-        self.state = "configuring"
         self._go_to(index, due_ns)
+        self.state = "configuring" if index < len(self._steps) else "waiting for readings"
 
     def reading_received(self, now_ns: int) -> None:
         """Record that a reading arrived."""
@@ -137,25 +145,17 @@ class StartupSequence:
             self._go_to(0, now_ns + self._rest_ns)
 
     def _go_to(self, index: int, due_ns: int) -> None:
-        self._at, self._attempt, self.due_ns, self.awaited = index, 0, due_ns, ""
+        self._at, self._attempt, self.due_ns, self.awaited = index, 0, due_ns, None
         if index == len(self._steps):
             self._silent = True
             self.due_ns = due_ns + self._silence_ns
 
 
-S = TypeVar("S", bound=Sample)
+D = TypeVar("D", bound=FrameDecoder)
 
 
-class _Decoder(Protocol[S]):
-    health: DecoderHealth
-
-    def receive(self, data: bytes, t_ns: int) -> list[S]: ...
-
-    def forget(self) -> None: ...
-
-
-class SensorSession(Generic[S]):
-    """Run a startup sequence and return readings; the subclass interprets the answers.
+class SensorSession(Generic[D]):
+    """Run a startup sequence and return readings, in every state.
 
     Args:
         decoder: Decoder of readings and answers.
@@ -163,7 +163,7 @@ class SensorSession(Generic[S]):
         last_request: Bytes to send when the session ends.
     """
 
-    def __init__(self, decoder: _Decoder[S], startup: StartupSequence, last_request: bytes = b"") -> None:
+    def __init__(self, decoder: D, startup: StartupSequence, last_request: bytes = b"") -> None:
         self.decoder = decoder
         self.health = decoder.health
         self.identity = ""
@@ -182,8 +182,8 @@ class SensorSession(Generic[S]):
         self._startup.start(now_ns)
         return self._startup.on_time(now_ns)
 
-    def receive(self, data: bytes, now_ns: int) -> list[S]:
-        """Decode bytes received at ``now_ns``; return the readings they complete, in every state."""
+    def receive(self, data: bytes, now_ns: int) -> Sequence[Sample]:
+        """Decode bytes received at ``now_ns``; return the readings they complete."""
         samples = self.decoder.receive(data, now_ns)
         if self._startup.awaited:
             self._handle_answers(now_ns)
@@ -206,6 +206,21 @@ class SensorSession(Generic[S]):
 
     def _handle_answers(self, now_ns: int) -> None:
         """Look for the awaited answer among the bytes that the decoder received last."""
+        for reply, content in self.decoder.replies:
+            step = self._startup.awaited
+            if step is not None and reply == step.reply:
+                self._startup.handle_answer(now_ns, step.handle(content))
+
+
+S = TypeVar("S", bound=Sample)
+
+
+class _Decoder(Protocol[S]):
+    health: DecoderHealth
+
+    def receive(self, data: bytes, t_ns: int) -> list[S]: ...
+
+    def forget(self) -> None: ...
 
 
 class PolledSession(Generic[S]):

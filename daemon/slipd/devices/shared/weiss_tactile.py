@@ -9,16 +9,16 @@ from __future__ import annotations
 import re
 import struct
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slipd.devices.shared.frame_scanner import FrameDecoder
-from slipd.devices.shared.sensor_session import SILENCE_NS, SensorSession, StartupSequence, Step
-from slipd.devices.shared.weiss_packets import PREAMBLE, Packet, PacketScanner, encode, status_word
-from slipd.types.samples import TactileSample
+from slipd.devices.shared.sensor_session import ATTEMPTS, SILENCE_NS, SensorSession, StartupSequence, Step
+from slipd.devices.shared.weiss_packets import PREAMBLE, PacketScanner, encode, status_word
+from slipd.types.samples import Sample, TactileSample
 
 FRAME = 0x00
 """Id of a packet that contains an image."""
@@ -56,17 +56,13 @@ class TactileDecoder(FrameDecoder, ABC):
         reply_sizes: Payload length of the answer to each query id. An answer may also be a status alone.
         typical: Length of an ordinary packet, bytes.
         text: Bytes that are not counted as damage between packets.
-
-    Attributes:
-        replies: Answers among the bytes received last.
     """
 
     _frames: PacketScanner
 
     def __init__(self, seed: int, reply_sizes: Mapping[int, int], typical: int, text: bytes = b"") -> None:
         super().__init__()
-        self.reply_sizes = reply_sizes
-        self.replies: list[Packet] = []
+        self._reply_sizes = reply_sizes
         self._seed = seed
         self._frames = PacketScanner(seed, self._accepts, typical, self.health, text=text)
 
@@ -98,7 +94,7 @@ class TactileDecoder(FrameDecoder, ABC):
 
     def _fits(self, packet_id: int, size: int, payload: bytes) -> bool:
         if packet_id != FRAME:
-            return size in (_STATUS_BYTES, self.reply_sizes.get(packet_id)) and packet_id in self.reply_sizes
+            return size in (_STATUS_BYTES, self._reply_sizes.get(packet_id)) and packet_id in self._reply_sizes
         count, odd = divmod(size - _FRAME_HEAD.size, _WORD_BYTES)
         if odd or not 0 < count <= MAX_CELLS:
             return False
@@ -126,74 +122,61 @@ def matrix_sample(cells: Words, t_ns: int, device_time_ns: int, full_scale: int,
     return TactileSample(t_ns, device_time_ns, cells.astype(np.float64), status, source)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Query(Step):
-    """One request of a session, and how to handle its answer.
-
-    Attributes:
-        reply_id: Id of request and answer.
-        handle: ``handle(payload)`` uses the answer, and returns what is wrong with it, "" if nothing is.
-        tolerates: Status numbers other than 0 that are accepted.
-    """
-
-    reply_id: int
-    handle: Callable[[bytes], str] = lambda _: ""
-    tolerates: Collection[int] = ()
+D = TypeVar("D", bound=TactileDecoder)
 
 
-class TactileSession(SensorSession[TactileSample]):
+class TactileSession(SensorSession[D]):
     """Query the controller, start its images, and start again when they stop.
 
-    Images that arrive are returned in every state. `state` is "closed", "waiting" (for the first answer),
-    "configuring", "waiting for images", "running", or the problem, such as "no answer to sensor" or "refused start:
-    access denied"; the session retries forever.
+    `state` is as in `StartupSequence`, such as "refused start: access denied".
 
     Args:
         decoder: Decoder of images and answers.
-        queries: The requests; the last one starts the images.
+        steps: The requests, see `query`; the last one starts the images.
         stop: Request that stops the images.
-        words: Meaning of the device's status numbers.
         period_ns: Expected time from one image to the next.
     """
 
-    decoder: TactileDecoder
-
-    def __init__(
-        self,
-        decoder: TactileDecoder,
-        queries: list[Query],
-        stop: bytes,
-        words: tuple[str, ...],
-        period_ns: int,
-    ) -> None:
+    def __init__(self, decoder: D, steps: Sequence[Step], stop: bytes, period_ns: int) -> None:
         silence_ns = max(SILENCE_NS, 3 * period_ns)
-        super().__init__(decoder, StartupSequence(queries, rest_ns=0, silence_ns=silence_ns), stop)
-        self._queries = queries
-        self._status_words = words
+        super().__init__(decoder, StartupSequence(steps, rest_ns=0, silence_ns=silence_ns), stop)
         self._received_ns = 0
 
-    def receive(self, data: bytes, now_ns: int) -> list[TactileSample]:
+    def receive(self, data: bytes, now_ns: int) -> Sequence[Sample]:
         """Decode bytes received at ``now_ns``; return the images they complete."""
         if now_ns - self._received_ns > PAUSE_NS:
             self.decoder.forget()
         self._received_ns = now_ns
         return super().receive(data, now_ns)
 
-    def _handle_answers(self, now_ns: int) -> None:
-        query = next(query for query in self._queries if query.name == self._startup.awaited)
-        for answer in self.decoder.replies:
-            if not self._startup.awaited or answer.id != query.reply_id:
-                continue
-            problem = self._handle_answer(query, answer.payload)
-            self._startup.handle_answer(now_ns, problem)
-            if not problem and query is self._queries[-1]:
-                self._startup.state = "waiting for images"
 
-    def _handle_answer(self, query: Query, payload: bytes) -> str:
-        """Use an answer; return what is wrong with it, "" if nothing is."""
+def query(
+    reply_sizes: Mapping[int, int],
+    words: tuple[str, ...],
+    name: str,
+    request: bytes,
+    *,
+    handle: Callable[[bytes], str] = lambda _: "",
+    tolerates: Collection[int] = (),
+    attempts: int = ATTEMPTS,
+) -> Step:
+    """Return a request of a session.
+
+    Args:
+        reply_sizes: Payload length of the answer to each id.
+        words: Meaning of the device's status numbers.
+        name: Its name, for people.
+        request: Its packet, whose id is that of the answer.
+        handle: ``handle(payload)`` uses the answer, and returns what is wrong with it, "" if nothing is.
+        tolerates: Status numbers other than 0 that are accepted.
+        attempts: Number of times it is sent without an answer.
+    """
+    reply_id = request[len(PREAMBLE)]
+
+    def check(payload: bytes) -> str:
         code = int.from_bytes(payload[:_STATUS_BYTES], "little")
-        if code and code not in query.tolerates:
-            return f"refused {query.name}: {status_word(code, self._status_words)}"
-        if len(payload) != self.decoder.reply_sizes[query.reply_id]:
-            return f"empty answer to {query.name}"
-        return query.handle(payload)
+        if code and code not in tolerates:
+            return f"refused {name}: {status_word(code, words)}"
+        return handle(payload) if len(payload) == reply_sizes[reply_id] else f"empty answer to {name}"
+
+    return Step(name, request, attempts=attempts, reply=reply_id, handle=check)

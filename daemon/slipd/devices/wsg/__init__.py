@@ -36,15 +36,7 @@ SHORTEST_MS, LONGEST_MS = 5, 200
 HOMING_NS = 30_000_000_000
 """Time allowed for homing; a slow gripper needs some seconds for its whole stroke and back."""
 
-_IDS = {
-    "system": wire.SYSTEM,
-    "limits": wire.LIMITS,
-    "overdrive": wire.OVERDRIVE,
-    "width": wire.WIDTH,
-    "force": wire.FORCE,
-    "grasping state": wire.GRASPING,
-    "system state": wire.STATE,
-}
+_UPDATES = {wire.WIDTH: "width", wire.FORCE: "force", wire.GRASPING: "grasping state", wire.STATE: "system state"}
 
 
 class Session(QueuedGripperSession[WsgCommandQueue]):
@@ -76,12 +68,13 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
         self.decoder = Decoder()
         self.health = self.decoder.health
         self._overdrive = overdrive
+        system, limits = wire.encode(wire.SYSTEM), wire.encode(wire.LIMITS)
         self._startup = StartupSequence(
             [
-                Step("system", wire.encode(wire.SYSTEM), "optional"),
-                Step("limits", wire.encode(wire.LIMITS)),
-                *([Step("overdrive", wire.ALLOW_OVERDRIVE)] if overdrive else []),
-                *(Step(name, wire.update_request(_IDS[name], period_ms)) for name in list(_IDS)[3:]),
+                Step("system", system, "optional", reply=wire.SYSTEM, handle=self._handle_system),
+                Step("limits", limits, reply=wire.LIMITS, handle=self._handle_limits),
+                *([Step("overdrive", wire.ALLOW_OVERDRIVE, reply=wire.OVERDRIVE)] if overdrive else []),
+                *(Step(name, wire.update_request(id_, period_ms), reply=id_) for id_, name in _UPDATES.items()),
             ]
         )
         self._queue = WsgCommandQueue(self.health)
@@ -123,7 +116,7 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
     def receive(self, data: bytes, now_ns: int) -> list[GripperSample]:
         """Decode bytes received at ``now_ns``; return the readings they complete."""
         samples = []
-        for reply in self.decoder.replies(data):
+        for reply in self.decoder.messages(data):
             self._handle_reply(reply, now_ns)
             sample = self.decoder.decode_reply(reply, now_ns)
             if sample is not None:
@@ -167,12 +160,9 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
 
     def _handle_reply(self, reply: Reply, now_ns: int) -> None:
         awaited = self._startup.awaited
-        if awaited and reply.id == _IDS[awaited]:
-            succeeded = reply.status == wire.OK
-            error = "" if succeeded else f"refused {awaited}: {weiss.status_word(reply.status)}"
-            self._startup.handle_answer(now_ns, error)
-            if succeeded:
-                self._handle_info(reply)
+        if awaited is not None and reply.id == awaited.reply:
+            refusal = f"refused {awaited.name}: {weiss.status_word(reply.status)}"
+            self._startup.handle_answer(now_ns, refusal if reply.status != wire.OK else awaited.handle(reply.data))
             return
         if self._queue.match_answer(reply, now_ns):
             self._follow_activation()
@@ -181,17 +171,19 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
         if reply.id == wire.HOME and reply.status != wire.PENDING:
             self._machine.handle(Event.ACTIVATION_ENDED)
 
-    def _handle_info(self, reply: Reply) -> None:
-        if reply.id == wire.LIMITS:
-            limits = wire.parse_limits(reply.data)
-            self._set_ranges(
-                (0.0, limits.stroke_mm / 1000),
-                (limits.min_force / FINGERS, limits.most_force(overdrive=self._overdrive) / FINGERS),
-                (limits.min_speed / 1000, limits.max_speed / 1000),
-            )
-            self._queue.usual_speed_mps = limits.max_speed / 1000 / 2
-        elif reply.id == wire.SYSTEM:
-            self.identity = f"S/N {wire.parse_serial(reply.data)}"
+    def _handle_limits(self, data: bytes) -> str:
+        limits = wire.parse_limits(data)
+        self._set_ranges(
+            (0.0, limits.stroke_mm / 1000),
+            (limits.min_force / FINGERS, limits.most_force(overdrive=self._overdrive) / FINGERS),
+            (limits.min_speed / 1000, limits.max_speed / 1000),
+        )
+        self._queue.usual_speed_mps = limits.max_speed / 1000 / 2
+        return ""
+
+    def _handle_system(self, data: bytes) -> str:
+        self.identity = f"S/N {wire.parse_serial(data)}"
+        return ""
 
     def _handle_sample(self, sample: GripperSample, now_ns: int) -> None:
         self._startup.reading_received(now_ns)

@@ -82,7 +82,7 @@ class Decoder(FrameDecoder):
 
     def receive(self, data: bytes, t_ns: int) -> list[GripperSample]:
         """Decode bytes received at ``t_ns``; return the readings they complete."""
-        samples = (self.decode_reply(reply, t_ns) for reply in self.replies(data))
+        samples = (self.decode_reply(reply, t_ns) for reply in self.messages(data))
         return [sample for sample in samples if sample is not None]
 
     def forget(self) -> None:
@@ -90,7 +90,7 @@ class Decoder(FrameDecoder):
         super().forget()
         self._newest.clear()
 
-    def replies(self, data: bytes) -> list[Reply]:
+    def messages(self, data: bytes) -> list[Reply]:
         """Scan bytes; return every reply they complete, for `decode_reply`."""
         return [
             Reply(

@@ -27,7 +27,7 @@ def read(*pieces: bytes) -> tuple[list[int], DecoderHealth]:
     """Return the numbers of the returned records, and the counts."""
     health = DecoderHealth()
     records = rdt.RecordScanner(health, RESERVED)
-    return [int(row[1]) // 1000 for piece in pieces for row in records.receive(piece)[1]], health
+    return [int(row[1]) // 1000 for piece in pieces for row in records.records(piece)[1]], health
 
 
 def test_requests_are_written_and_read() -> None:
@@ -137,7 +137,7 @@ def test_L3_the_counts_of_a_resting_sensor_are_not_mistaken_for_records() -> Non
     rng = np.random.default_rng(9)
     rest = b"".join(rdt.encode_record(rng.integers(-2, 3, size=6).tolist(), n, n) for n in range(10, 400))
     for start in range(1, 36):
-        heads, _ = scanner().receive(b"\xff\xff" + rest[start:])
+        heads, _ = scanner().records(b"\xff\xff" + rest[start:])
         assert [clock for clock, _ in heads] == list(range(11, 400))
 
 
@@ -155,10 +155,10 @@ def test_L2_lost_or_added_bytes_cost_one_record_and_the_next_at_most() -> None:
 
 def test_many_records_come_from_one_piece_with_all_their_counts_which_own_their_memory() -> None:
     records = scanner()
-    heads, counts = records.receive(record(1) + record(2, status=5))
+    heads, counts = records.records(record(1) + record(2, status=5))
     assert heads == [(7, 0), (14, 5)]
     assert counts.tolist() == [[COUNTS[0], 1000 * number, *COUNTS[2:]] for number in (1, 2)]
-    _, later = records.receive(record(3))
+    _, later = records.records(record(3))
     counts[:] = 0
     assert (later[0, 1], later.dtype) == (3000, np.float64)
 
@@ -169,10 +169,10 @@ def test_whole_datagrams_are_read_without_a_search_and_their_heads_are_unsigned(
     records = scanner()
     middle, status = SPAN // 2, 0x8001_0000
     sent = [rdt.encode_record((n, 0, 0, 0, 0, 0), middle + n, middle + 7 * n, status) for n in range(20)]
-    assert len(records.receive(b"".join(sent[:4]))[0]) == 4
+    assert len(records.records(b"".join(sent[:4]))[0]) == 4
     monkeypatch.setattr(records, "_search", None)
     for numbers in (range(4, 11), range(11, 20)):
-        heads, counts = records.receive(b"".join(sent[n] for n in numbers))
+        heads, counts = records.records(b"".join(sent[n] for n in numbers))
         assert heads == [(middle + 7 * n, status) for n in numbers]
         assert counts[:, 0].tolist() == [*numbers]
 
@@ -188,15 +188,15 @@ def test_whole_datagrams_are_read_without_a_search_and_their_heads_are_unsigned(
 def test_the_clock_is_unwrapped_and_a_reset_starts_again(numbers: Iterable[int], clock: tuple[int, ...]) -> None:
     records = scanner()
     pieces = [record(number, ticks=ticks) for number, ticks in zip(numbers, clock, strict=True)]
-    assert tuple(head[0] for piece in pieces for head in records.receive(piece)[0]) == clock
+    assert tuple(head[0] for piece in pieces for head in records.records(piece)[0]) == clock
 
 
 def test_a_freshly_opened_stream_begins_at_any_number_and_drops_a_partial_record() -> None:
     health = DecoderHealth()
     records = rdt.RecordScanner(health, RESERVED)
-    records.receive(record(9) + record(10)[:20])
+    records.records(record(9) + record(10)[:20])
     records.forget()
-    assert len(records.receive(record(500))[0]) == 1
+    assert len(records.records(record(500))[0]) == 1
     assert health == DecoderHealth(bad=1, bad_bytes=20)
 
 
@@ -204,7 +204,7 @@ def test_a_freshly_opened_stream_begins_at_any_number_and_drops_a_partial_record
 @pytest.mark.parametrize("rail", [-(1 << 31), (1 << 31) - 1])
 def test_N3_a_count_at_the_end_of_its_range_is_marked(place: int, rail: int) -> None:
     counts = [*COUNTS[:place], rail, *COUNTS[place + 1 :]]
-    heads, values = scanner().receive(record(1) + rdt.encode_record(counts, 2, 14, 3) + record(3))
+    heads, values = scanner().records(record(1) + rdt.encode_record(counts, 2, 14, 3) + record(3))
     assert [status for _, status in heads] == [0, 3 | rdt.AT_RAIL, 0]
     assert values[1, place] == rail
 
@@ -216,5 +216,5 @@ def test_D3_the_clock_of_a_late_record_moves_none_after_it() -> None:
     later = [[record(n, ticks=7 * n + 11) for n in (n, n + 1)] for n in (39, 41, 43)]
     records = scanner()
     sent = [[record(37), record(38)], first, second, *later]
-    clocks = [clock for datagram in sent for clock, _ in records.receive(b"".join(datagram))[0]]
+    clocks = [clock for datagram in sent for clock, _ in records.records(b"".join(datagram))[0]]
     assert clocks == [259, 266, *(7 * n + 11 for n in range(39, 45))]

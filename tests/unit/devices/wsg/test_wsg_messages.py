@@ -57,7 +57,7 @@ def test_worked_frames_are_written(made: bytes, sent: str) -> None:
 
 
 def read(data: bytes) -> list[Reply]:
-    return Decoder().replies(data)
+    return Decoder().messages(data)
 
 
 def test_worked_replies_are_read() -> None:
@@ -118,8 +118,8 @@ def test_every_state_bit_has_one_word() -> None:
 )
 def test_an_implausible_reply_is_rejected(packet: bytes) -> None:
     replies = Decoder()
-    assert replies.replies(packet) == []
-    assert replies.replies(sim.encode_reply(wire.HOME)) == [Reply(wire.HOME, wire.OK, b"")]
+    assert replies.messages(packet) == []
+    assert replies.messages(sim.encode_reply(wire.HOME)) == [Reply(wire.HOME, wire.OK, b"")]
 
 
 @given(st.floats(0.0, 1000.0))

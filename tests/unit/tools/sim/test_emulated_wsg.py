@@ -17,7 +17,7 @@ Answers = list[tuple[int, int]]
 
 
 def read(said: list[bytes]) -> list[Reply]:
-    return Decoder().replies(b"".join(said))
+    return Decoder().messages(b"".join(said))
 
 
 def ask(gripper: Gripper, request: bytes | None, t_ns: int = 0) -> Answers:
