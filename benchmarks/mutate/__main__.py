@@ -40,7 +40,7 @@ PROJECT = Path(__file__).parents[2]
 DAEMON = (
     *("signals", "fusion", "motion", "friction"),
     *("devices", "finger", "grasp", "links", "gripper", "requests", "publish", "engine", "config", "recording"),
-    *("io", "io/transport", "io/bus", "io/zmtp"),
+    *("io", "io/transport", "io/zmtp"),
     *("tools", "tools/sim", "tools/evaluation", "tools/recordings", "tools/plot", "tools/export"),
     *("tools/discovery", "tools/commission"),
 )

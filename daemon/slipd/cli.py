@@ -16,10 +16,9 @@ import sys
 from typing import NoReturn
 
 from slipd import __version__
-from slipd.errors import ConfigError, SlipdError, UsageError
+from slipd.errors import ConfigError, SlipdError, UsageError, printable_lines
 from slipd.io.log_lines import log_uncaught, open_log
 from slipd.tools.cli_commands import COMMANDS, parser
-from slipd.types.device_text import printable_lines
 from slipd_client.terminal import INTERRUPTED, standard_output
 
 DONE, NO, WRONG = 0, 1, 2

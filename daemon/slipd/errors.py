@@ -1,4 +1,4 @@
-"""The exceptions that slipd raises.
+"""The exceptions that slipd raises, and what makes the text of a device or peer safe to show.
 
     SlipdError
     ├── ConfigError      a config that cannot be run; lists every fault with its line
@@ -13,8 +13,6 @@ An invalid call (wrong shape, impossible argument) raises ValueError.
 from __future__ import annotations
 
 from dataclasses import dataclass
-
-from slipd.types.device_text import printable
 
 
 class SlipdError(Exception):
@@ -64,3 +62,25 @@ class LinkError(SlipdError):
 
 class RecordingError(SlipdError):
     """A recording that cannot be written or read."""
+
+
+LONGEST_TEXT = 500
+"""Most characters of a text that `one_line` keeps."""
+
+
+def printable(text: str) -> str:
+    """Return the text on one line, with control characters escaped."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
+
+
+def printable_lines(text: str) -> str:
+    """Return the text with control characters escaped, except line feeds."""
+    return "\n".join(printable(line) for line in text.split("\n"))
+
+
+def one_line(text: str) -> str:
+    """Return the text on one line, with control characters escaped, cut to `LONGEST_TEXT` characters."""
+    shown = printable(text[:LONGEST_TEXT])[:LONGEST_TEXT]
+    return shown if len(text) <= LONGEST_TEXT else f"{shown} … ({len(text)} characters)"

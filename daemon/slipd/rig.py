@@ -6,6 +6,7 @@ from typing import cast
 
 from slipd.config import Config
 from slipd.devices import GripperSession
+from slipd.events import WallClock
 from slipd.finger.finger import Finger
 from slipd.finger.freshness import Lateness
 from slipd.grasp.arm_motion import ArmMotion
@@ -16,7 +17,6 @@ from slipd.gripper.grip_policy import NoGripper
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.reflex import make_reflex_controller
 from slipd.links.device_link import make_links
-from slipd.types.clocks import WallClock
 
 GRIPPER_LINK = "gripper"
 

@@ -19,10 +19,10 @@ from slipd.config import Config
 from slipd.engine.engine import Engine
 from slipd.events import Event, HostNotice, Output, Publish, Reply, Request, Tick, Write
 from slipd.grasp.stored_state import rig_of
-from slipd.io.bus.access import RuntimeDirectory, guard
-from slipd.io.bus.publisher import Publisher
-from slipd.io.bus.request_server import RequestServer
+from slipd.io.access import RuntimeDirectory, guard
 from slipd.io.log_lines import log_kept
+from slipd.io.publisher import Publisher
+from slipd.io.request_server import RequestServer
 from slipd.io.transport import Links
 from slipd.io.zmtp.endpoint import check_free
 from slipd.recording.run_files import state_dir

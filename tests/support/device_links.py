@@ -10,13 +10,13 @@ from fixture_types import Parse
 
 from slipd import config
 from slipd.devices import bota
+from slipd.events import WallClock
 from slipd.links.device_link import DeviceLink, make_links
 from slipd.links.link_health import link_condition
 from slipd.publish.message_sequencer import MessageSequencer
 from slipd.publish.status_publisher import StatusPublisher
 from slipd.requests.recording_state import RecordingState
 from slipd.rig import Rig
-from slipd.types.clocks import WallClock
 from slipd_client.messages import Health
 
 

@@ -18,7 +18,7 @@ from loop_waits import PATIENCE_S, eventually
 from service_rig import started
 from websockets.sync.server import ServerConnection, serve
 
-from slipd.types.device_text import LONGEST
+from slipd.errors import LONGEST_TEXT
 
 HOSTILE_S = 2.0
 MOST_GROWTH_MB = 50
@@ -137,7 +137,7 @@ async def test_no_device_stops_the_daemon_or_the_others(tmp_path: Path, runtime:
     sensor.unplug()
     assert growth_mb <= MOST_GROWTH_MB
     messages = [stream["message"] for stream in status["streams"].values()]
-    assert [text for text in messages if len(text) > LONGEST + 30 or not text.isprintable()] == []
+    assert [text for text in messages if len(text) > LONGEST_TEXT + 30 or not text.isprintable()] == []
     lines = log.read_text(encoding="utf-8").splitlines()
     assert len(lines) <= MOST_LINES
-    assert all(line.startswith(("INFO slipd.", "WARNING slipd.")) and len(line) < LONGEST + 200 for line in lines)
+    assert all(line.startswith(("INFO slipd.", "WARNING slipd.")) and len(line) < LONGEST_TEXT + 200 for line in lines)

@@ -15,6 +15,7 @@ from slipd.config import Config
 from slipd.engine.held_motion import Found, HeldMotion
 from slipd.engine.kept_state import KeptState
 from slipd.events import (
+    NEVER_NS,
     Bytes,
     Event,
     HostNotice,
@@ -27,6 +28,7 @@ from slipd.events import (
     Request,
     StateRestored,
     Tick,
+    WallClock,
     Write,
 )
 from slipd.finger.finger_state import VerdictBatch
@@ -44,7 +46,6 @@ from slipd.publish.status_publisher import StatusPublisher
 from slipd.requests.handlers import RequestHandlers
 from slipd.requests.recording_state import RecordingState
 from slipd.rig import GRIPPER_LINK, Rig
-from slipd.types.clocks import NEVER_NS, WallClock
 from slipd.types.samples import GripperSample
 from slipd_client.messages import GRIPPER_TOPIC
 

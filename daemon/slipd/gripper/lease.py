@@ -6,7 +6,7 @@ unless the config says otherwise).
 
 from __future__ import annotations
 
-from slipd.types.clocks import NEVER_NS
+from slipd.events import NEVER_NS
 from slipd.types.permit import Refusal
 
 _MS = 1_000_000

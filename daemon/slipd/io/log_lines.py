@@ -23,7 +23,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, TextIO
 
-from slipd.types.device_text import one_line
+from slipd.errors import one_line
 
 BURST = 10
 """Lines of one kind that pass at once."""

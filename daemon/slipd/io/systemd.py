@@ -16,9 +16,9 @@ import socket
 import time
 from collections.abc import Awaitable, Callable, Mapping
 
+from slipd.errors import one_line
 from slipd.io.transport import Links
 from slipd.io.zmtp.listener import Listener
-from slipd.types.device_text import one_line
 
 ANSWER_S = 0.5
 """Longest wait for the greeting of an own endpoint, s: several times what a loaded machine needs."""

@@ -11,11 +11,10 @@ from typing import cast
 from slipd.config import Config, device_options, transport_of
 from slipd.config import Stream as StreamConfig
 from slipd.devices import DEVICES, Decoder, Session
-from slipd.events import LinkSpec
+from slipd.events import NEVER_NS, LinkSpec
 from slipd.finger.freshness import PROMPT, Arrival, Freshness
 from slipd.links.identity_guard import IdentityGuard
 from slipd.links.stream_meter import Read, StreamMeter
-from slipd.types.clocks import NEVER_NS
 from slipd.types.samples import Sample
 
 RESTART_NS = 1_000_000_000

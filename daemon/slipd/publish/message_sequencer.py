@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from slipd.events import Body, Publish
-from slipd.types.clocks import WallClock
+from slipd.events import Body, Publish, WallClock
 from slipd_client.messages import PROTOCOL_VERSION
 
 NO_FRAME = ""

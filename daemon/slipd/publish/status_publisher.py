@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from slipd import __version__
+from slipd.errors import one_line
 from slipd.events import Body, HostNotice, IncidentsChanged, Output, RecordingChanged
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
@@ -23,7 +24,6 @@ from slipd.publish.message_sequencer import NO_FRAME, MessageSequencer
 from slipd.publish.pace import Pace
 from slipd.rig import GRIPPER_LINK, Rig
 from slipd.types.arrays import finite_or_none
-from slipd.types.device_text import one_line
 from slipd_client.messages import STATUS_TOPIC, Health
 
 

@@ -17,12 +17,11 @@ from typing import Any
 
 from slipd.config import Config, Continuous
 from slipd.errors import RecordingError
-from slipd.events import Event, FirstEvents, Publish, Record, RecordingChanged
+from slipd.events import Event, FirstEvents, Publish, Record, RecordingChanged, WallClock
 from slipd.recording.incidents import Incidents
 from slipd.recording.mcap_file import EVENTS, RecordingFile, RunHead, check_new
 from slipd.recording.recorder import CLOSE_LIMIT_S, Recorder
 from slipd.recording.run_files import DiskLimits, RunFiles, check_folder, private_directory, state_dir
-from slipd.types.clocks import WallClock
 from slipd_client.messages import GRASP_TOPIC, WARNING_TOPIC
 
 RUN_KIND = "run"

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from slipd.events import Record, RecordingChanged, Request
-from slipd.types.clocks import WallClock
+from slipd.events import Record, RecordingChanged, Request, WallClock
 from slipd.types.permit import RefusalError
 
 

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any, cast
 
 from slipd.config import Config, Gripper, hints, load
-from slipd.errors import ConfigError
+from slipd.errors import ConfigError, printable
 from slipd.gripper.reflex import PERIOD_NS
-from slipd.types.device_text import printable
 
 
 def check_command(config: Path, *, as_json: bool) -> bool:

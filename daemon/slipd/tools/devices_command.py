@@ -10,8 +10,7 @@ from inspect import Parameter
 from typing import Any
 
 from slipd.devices import EVIDENCE, Device, Installed, find_device, installed
-from slipd.errors import UsageError
-from slipd.types.device_text import one_line
+from slipd.errors import UsageError, one_line
 
 TITLES = ("device", "kind", "line", "package", "evidence")
 _ENTRY = re.compile(r"^    (\w+): ", re.MULTILINE)

@@ -39,9 +39,8 @@ from run_courses import (
 from slipd.devices import bota
 from slipd.devices.wsg import wsg_messages
 from slipd.engine.warm_up import warm_up
-from slipd.events import Bytes, HostNotice, IncidentsChanged, Publish, Request, Tick, Write
+from slipd.events import Bytes, HostNotice, IncidentsChanged, Publish, Request, Tick, WallClock, Write
 from slipd.tools.sim.emulated_pads import encode_message
-from slipd.types.clocks import WallClock
 from slipd_client.messages import Health
 
 GRASP = RIG + grasp_table()

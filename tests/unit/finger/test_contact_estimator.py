@@ -17,12 +17,11 @@ from nanoseconds import MS, T0
 
 from slipd.config import Finger as FingerConfig
 from slipd.config import Rates
-from slipd.events import Output
+from slipd.events import Output, WallClock
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState, VerdictBatch
 from slipd.publish.finger_messages import FingerPublisher
 from slipd.publish.message_sequencer import MessageSequencer
-from slipd.types.clocks import WallClock
 from slipd.types.samples import TactileSample, WrenchSample
 from slipd_client.messages import level_code
 

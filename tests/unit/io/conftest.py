@@ -9,8 +9,8 @@ from zeromq_peers import clients, endpoint, peer, plain
 __all__ = ["clients", "endpoint", "loop_faults", "peer", "plain"]  # fixtures
 
 PATIENT = (
-    "transport.network.OPEN_TIMEOUT_S",
-    "transport.network.INQUIRY_TIMEOUT_S",
+    "transport.sockets.OPEN_TIMEOUT_S",
+    "transport.link.INQUIRY_TIMEOUT_S",
     "transport.websocket.OPEN_TIMEOUT_S",
     "zmtp.listener.HANDSHAKE_S",
     "run_signals.READ_LIMIT_S",

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from slipd.errors import LONGEST_TEXT, one_line
 from slipd.io.log_lines import BURST, EVERY_S, KINDS, LogFormatter, LogGate, log_kept, open_log
-from slipd.types.device_text import LONGEST, one_line
 
 
 def line(message: str, *args: object, name: str = "slipd.io.transport.link") -> logging.LogRecord:
@@ -21,9 +21,9 @@ def test_control_characters_are_escaped_and_a_long_text_is_cut() -> None:
     assert one_line("S/N 12 µ") == "S/N 12 µ"
     forged = one_line("bye\nERROR slipd: \x1b[31mall is lost\x85\u2028\u202e")
     assert forged == "bye\\nERROR slipd: \\x1b[31mall is lost\\x85\\u2028\\u202e"
-    assert one_line("x" * LONGEST) == "x" * LONGEST
-    assert one_line("x" * 8000) == "x" * LONGEST + " … (8000 characters)"
-    assert len(one_line("\n" * 8000)) < LONGEST + 30
+    assert one_line("x" * LONGEST_TEXT) == "x" * LONGEST_TEXT
+    assert one_line("x" * 8000) == "x" * LONGEST_TEXT + " … (8000 characters)"
+    assert len(one_line("\n" * 8000)) < LONGEST_TEXT + 30
 
 
 def test_a_line_whose_arguments_do_not_fit_harms_only_itself(capsys: pytest.CaptureFixture[str]) -> None:

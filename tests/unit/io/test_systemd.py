@@ -16,8 +16,8 @@ from loop_waits import PATIENCE_S, eventually
 from project import CONFIG
 
 from slipd.events import Event, LinkSpec
-from slipd.io.bus.publisher import Publisher
-from slipd.io.bus.request_server import RequestServer
+from slipd.io.publisher import Publisher
+from slipd.io.request_server import RequestServer
 from slipd.io.systemd import ANSWER_S, FEEDS_PER_TIMEOUT, SystemdNotifier, stage_checks, watch_stages
 from slipd.io.transport import Links
 from slipd.io.zmtp.listener import Listener

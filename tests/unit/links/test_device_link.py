@@ -10,11 +10,10 @@ from nanoseconds import MS, T0, S
 
 from slipd.devices import bota
 from slipd.devices.pvdf import encode_scan
-from slipd.events import LinkSpec
+from slipd.events import NEVER_NS, LinkSpec
 from slipd.links.device_link import DeviceLink, make_links
 from slipd.tools.sim import emulated_wrenches as sim
 from slipd.tools.sim.emulated_pads import encode_message
-from slipd.types.clocks import NEVER_NS
 from slipd_client.messages import Health
 
 

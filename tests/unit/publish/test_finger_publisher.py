@@ -11,12 +11,11 @@ from known_zeros import known_finger
 from nanoseconds import MS, T0
 
 from slipd.config import Levels, Rates
-from slipd.events import Output, Publish
+from slipd.events import Output, Publish, WallClock
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import VerdictBatch
 from slipd.publish.finger_messages import FingerPublisher
 from slipd.publish.message_sequencer import MessageSequencer
-from slipd.types.clocks import WallClock
 from slipd.types.samples import TactileSample
 
 PULLS = (0.5, 0.5, 0.5, 3.6, 4.5, 0.6, 0.5, 0.6, 3.6, 4.5, 4.5, 0.5)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from slipd.events import Publish
+from slipd.events import Publish, WallClock
 from slipd.publish.message_sequencer import MessageSequencer
-from slipd.types.clocks import WallClock
 
 T0 = 77_000_000_000
 

@@ -10,13 +10,12 @@ from client_peers import until
 from recorded_entries import ABOUT_RUN, complete
 
 from slipd.config import Continuous
-from slipd.events import LinkUp, RecordingChanged, Tick
+from slipd.events import LinkUp, RecordingChanged, Tick, WallClock
 from slipd.recording.mcap_file import EVENTS
 from slipd.recording.reader import open_recording
 from slipd.recording.recorder import Recorder
 from slipd.recording.run_files import RecordingLimitError
 from slipd.recording.run_recorders import RETRY_NS, ContinuousRecording
-from slipd.types.clocks import WallClock
 
 SECOND_NS = 1_000_000_000
 OPEN = (LinkUp("left.wrench", "/dev/ttyUSB0"),)

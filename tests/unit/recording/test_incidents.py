@@ -14,14 +14,13 @@ from recorded_entries import ABOUT_RUN, complete, small_disk
 from slipd import config
 from slipd.config import Incidents as Limits
 from slipd.errors import RecordingError
-from slipd.events import Bytes, IncidentsChanged, Publish, Record, Tick
+from slipd.events import Bytes, IncidentsChanged, Publish, Record, Tick, WallClock
 from slipd.recording import incidents as module
 from slipd.recording.entry_walk import Entry
 from slipd.recording.incidents import Incidents
 from slipd.recording.mcap_file import EVENTS, RecordingFile
 from slipd.recording.run_files import RunFiles
 from slipd.recording.run_recorders import RunRecorders
-from slipd.types.clocks import WallClock
 
 SECOND_NS = 1_000_000_000
 WARNING = {"finger": "left", "level": "warning", "previous": "stable"}

@@ -1,7 +1,7 @@
 """Move bytes between devices and the engine, with asyncio.
 
-`Links` is all that other rooms use. `link` keeps one link open, over what `link_connection` describes: `serial_port`,
-`network` (TCP and UDP), `websocket`, and `local_sockets` (other programs push readings, or drive a gripper).
+`Links` is all that other rooms use. `link` keeps one link open, over a transport: `serial_port`, `websocket`, or
+`sockets` (TCP and UDP; other programs that push readings or drive a gripper). `link_connection` has what they share.
 """
 
 from __future__ import annotations
@@ -86,15 +86,15 @@ def _link(spec: LinkSpec, on_event: Callable[[Event], None]) -> Link:
             from slipd.io.transport.serial_port import open_serial as opener
             from slipd.io.transport.serial_port import probe
         case "tcp":
-            from slipd.io.transport.network import open_tcp as opener
+            from slipd.io.transport.sockets import open_tcp as opener
         case "udp":
-            from slipd.io.transport.network import open_udp as opener
+            from slipd.io.transport.sockets import open_udp as opener
         case "websocket":
             from slipd.io.transport.websocket import open_websocket as opener
         case "external":
-            from slipd.io.transport.local_sockets import open_push_socket as opener
+            from slipd.io.transport.sockets import open_push_socket as opener
         case "local":
-            from slipd.io.transport.local_sockets import open_driver_socket as opener
+            from slipd.io.transport.sockets import open_driver_socket as opener
         case _:
             raise ValueError(
                 f"transport must be serial, tcp, udp, websocket, external or local, got {spec.transport!r}"

@@ -1,4 +1,4 @@
-"""Keep one link open for ever, over any transport.
+"""Keep one link open for ever, over any transport, and ask first for what its stream does not contain.
 
 A transport only opens a connection, moves bytes and states why it ended. When to try again, and what to report, is
 decided here.
@@ -7,6 +7,7 @@ decided here.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import random
 import time
@@ -14,10 +15,10 @@ from collections import deque
 from collections.abc import Awaitable, Callable
 from typing import NoReturn
 
+from slipd.devices import Inquiry
 from slipd.errors import LinkError
 from slipd.events import Bytes, Event, HostNotice, LinkDown, LinkSpec, LinkUp
-from slipd.io.transport.link_connection import Connection, OnBytes
-from slipd.io.transport.network import inquire
+from slipd.io.transport.link_connection import Connection, OnBytes, host_and_port
 
 STEADY_S = 0.5
 """Time with bytes after which a connection counts as good, s: the next pause is then FIRST_DELAY_S again."""
@@ -36,6 +37,12 @@ JITTER = 0.2
 
 LINES_HELD = 8
 """Most recent log lines of a link that are not repeated: a failing link alternates between two or three reasons."""
+
+INQUIRY_TIMEOUT_S = 2.0
+"""Longest duration of request and answer, s: a working device takes some milliseconds."""
+
+MAX_REPLY_BYTES = 65_536
+"""Longest answer of unknown length: several times the settings page of a sensor."""
 
 _log = logging.getLogger(__name__)
 
@@ -198,3 +205,63 @@ class Link:
 
     def _log(self, level: int, line: str, **fields: str) -> None:
         _log.log(level, "%s: %s", self._spec.name, line, extra={"slipd_stream": self._spec.name} | fields)
+
+
+async def inquire(address: str, inquiry: Inquiry) -> bytes:
+    """Ask the host of a link over TCP for what its stream does not contain, such as the calibration of a sensor.
+
+    The request of the inquiry is sent, then the change that the answer calls for. A change that fails is no fault of
+    the link: the answer shows it.
+
+    Returns:
+        The newest whole answer.
+
+    Raises:
+        LinkError: No answer within INQUIRY_TIMEOUT_S, an answer that is cut off or too long, or one that fails its
+            check.
+    """
+    answer = await _checked(address, inquiry)
+    if request := inquiry.change(answer):
+        with contextlib.suppress(LinkError):
+            await _checked(address, Inquiry(inquiry.port, request, 0))
+        with contextlib.suppress(LinkError):
+            answer = await _checked(address, inquiry)
+    return answer
+
+
+async def _checked(address: str, inquiry: Inquiry) -> bytes:
+    host, _ = host_and_port(address)
+    try:
+        async with asyncio.timeout(INQUIRY_TIMEOUT_S):
+            answer = await _ask(host, inquiry)
+        fault = inquiry.check(answer)
+    except TimeoutError:
+        fault = f"no answer within {INQUIRY_TIMEOUT_S:g} s"
+    except asyncio.IncompleteReadError as error:
+        fault = f"the answer must have {inquiry.reply_bytes} bytes, got {len(error.partial)}"
+    except (OSError, ValueError) as error:
+        fault = str(error)
+    if not fault:
+        return answer
+    raise LinkError(
+        f"{address}: inquiry on TCP port {inquiry.port} failed: {fault}; switch the device on, correct the address, or"
+        " state in the options what the device would answer"
+    )
+
+
+async def _ask(host: str, inquiry: Inquiry) -> bytes:
+    reader, writer = await asyncio.open_connection(host, inquiry.port, limit=MAX_REPLY_BYTES)
+    try:
+        writer.write(inquiry.request)
+        if inquiry.reply_bytes:
+            return await reader.readexactly(inquiry.reply_bytes)
+        answer = b""
+        while chunk := await reader.read(MAX_REPLY_BYTES):
+            answer += chunk
+            if len(answer) > MAX_REPLY_BYTES:
+                raise ValueError(f"the answer has more than {MAX_REPLY_BYTES} bytes")
+        if not answer:
+            raise ValueError("the device closed the connection without an answer")
+        return answer
+    finally:
+        writer.transport.abort()  # nothing is left to send

@@ -8,7 +8,10 @@ import select
 import socket
 from collections.abc import Callable
 from io import RawIOBase
+from urllib.parse import urlsplit
 
+from slipd.config import address_fault
+from slipd.errors import LinkError
 from slipd.io.zmtp.endpoint import is_ready
 
 READ_BYTES = 1024
@@ -190,3 +193,16 @@ class FileConnection(Connection):
         self._stop_reading()
         self._loop.remove_writer(self._fd)
         self._rest = b""
+
+
+def host_and_port(address: str) -> tuple[str, int]:
+    """Return host and port of an address such as ``udp://HOST:PORT``; an IPv6 address as host is in brackets.
+
+    Raises:
+        LinkError: The address has no host, or no possible port.
+    """
+    if fault := address_fault(address):
+        scheme = address.partition("://")[0]
+        raise LinkError(f"{address}: {fault}; a valid one is {scheme}://192.168.1.1:49152")
+    parts = urlsplit(address)
+    return parts.hostname or "", parts.port or 0

@@ -19,7 +19,7 @@ from websockets.uri import WebSocketURI, parse_uri
 from slipd.errors import LinkError
 from slipd.events import LinkSpec
 from slipd.io.transport.link_connection import READ_BYTES, Connection, FileConnection, OnBytes
-from slipd.io.transport.network import connected
+from slipd.io.transport.sockets import connected
 
 MAX_MESSAGE_BYTES = 1 << 17
 """Largest message accepted: twice one image of the largest hand as JSON text."""

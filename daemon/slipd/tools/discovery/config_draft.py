@@ -13,11 +13,10 @@ from slipd import config
 from slipd.config import Wrench
 from slipd.config.check_hints import OPTIONS, default_rate_hz
 from slipd.devices import DEVICES, SLIPD, find_device
-from slipd.errors import SlipdError, UsageError
+from slipd.errors import SlipdError, UsageError, one_line
 from slipd.tools.discovery.port_probe import BY_ID, BY_PATH, DEV, Found, SerialPort, identify_port, list_ports
 from slipd.tools.outputs import NEW
 from slipd.tools.outputs import draft as whole_file
-from slipd.types.device_text import one_line
 
 FINGERS = ("left", "right")
 Placed = tuple[SerialPort, Found]

@@ -15,14 +15,13 @@ from typing import Any, cast
 from slipd import __version__
 from slipd.config import transport_of
 from slipd.devices import Device, Session, find_device
-from slipd.errors import SlipdError, UsageError
+from slipd.errors import SlipdError, UsageError, one_line
 from slipd.events import Bytes, Event, HostNotice, LinkDown, LinkSpec, LinkUp
 from slipd.io.transport import Links
 from slipd.io.transport.link import Link
 from slipd.tools.discovery.capture import SUFFIX, Capture, Piece, read_capture
 from slipd.tools.discovery.examination import Finding, decode, examine
 from slipd.tools.discovery.port_probe import question_options
-from slipd.types.device_text import one_line
 
 OPEN_S = 3.0
 """Longest wait for the line to open, s."""

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from slipd.errors import printable
 from slipd.io.progress import Progress
 from slipd.tools.cli_arguments import chosen
 from slipd.tools.evaluation.config_run import RECORDED, ConfigRun, joined
@@ -35,7 +36,6 @@ from slipd.tools.evaluation.run_figures import (
     worst_spans,
     write_table,
 )
-from slipd.types.device_text import printable
 
 SHOWN = 4
 """Most intervals of one line; `as_map` has all."""

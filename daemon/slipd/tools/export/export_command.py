@@ -9,7 +9,7 @@ from pathlib import Path
 
 from slipd.compile_kernels import compile_kernels
 from slipd.config import Config
-from slipd.errors import RecordingError, SlipdError, UsageError
+from slipd.errors import RecordingError, SlipdError, UsageError, printable
 from slipd.io.progress import Progress
 from slipd.recording.reader import Recording, open_recording
 from slipd.recording.replay import replay_dated
@@ -19,7 +19,6 @@ from slipd.tools.export.lerobot_dataset import ROBOT, lerobot_dataset
 from slipd.tools.export.message_tables import LOG_TIME, Write, csv_files, parquet_tables
 from slipd.tools.export.ros2_bag import ros2_bag
 from slipd.tools.outputs import MARK, SLIPD, Kind, draft, first_bytes, is_recording, storable, stored_schema
-from slipd.types.device_text import printable
 
 FORMATS: dict[str, Callable[[Path, Config], AbstractContextManager[Write]]] = {
     "ros2": ros2_bag,

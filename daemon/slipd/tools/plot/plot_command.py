@@ -15,7 +15,7 @@ from typing import Any
 import msgpack
 
 from slipd import config
-from slipd.errors import RecordingError, UsageError
+from slipd.errors import RecordingError, UsageError, printable
 from slipd.io.progress import Progress
 from slipd.recording.reader import Recording, open_recording
 from slipd.tools.evaluation.config_run import with_recorded_tares
@@ -23,7 +23,6 @@ from slipd.tools.outputs import Kind, draft, first_bytes
 from slipd.tools.plot.binned_track import Window
 from slipd.tools.plot.plot_page import GENERATOR, DrawnRun, page
 from slipd.tools.plot.run_tracks import FingerTracks, RunTracks
-from slipd.types.device_text import printable
 
 NOT_DRAWABLE = (KeyError, TypeError, ValueError)
 """Errors of a message without the fields, or not of the kinds, that are drawn."""

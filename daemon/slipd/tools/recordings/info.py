@@ -10,10 +10,9 @@ from typing import Any
 
 import msgpack
 
-from slipd.errors import ConfigError
+from slipd.errors import ConfigError, printable
 from slipd.events import Bytes
 from slipd.recording.reader import EventGaps, Recording, open_recording
-from slipd.types.device_text import printable
 from slipd_client.messages import WARNING_TOPIC
 
 

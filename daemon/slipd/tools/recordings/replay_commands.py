@@ -24,10 +24,9 @@ from typing import Any
 from websockets.http11 import Response
 
 from slipd.compile_kernels import compile_kernels, interruptible
-from slipd.errors import SlipdError
+from slipd.errors import SlipdError, printable
 from slipd.recording.reader import EventGaps, Recording, open_recording
 from slipd.recording.replay import PlaybackPace, replay
-from slipd.types.device_text import printable
 from slipd_client.arguments import ListenAddress
 from slipd_client.errors import CallError
 from slipd_client.messages import WARNING_TOPIC
@@ -88,8 +87,8 @@ async def _publish(messages: Iterator[tuple[str, dict[str, Any]]], endpoint: str
         show: Prints a message too.
         as_json: Standard output has nothing but messages.
     """
-    from slipd.io.bus.access import RuntimeDirectory
-    from slipd.io.bus.publisher import Publisher
+    from slipd.io.access import RuntimeDirectory
+    from slipd.io.publisher import Publisher
     from slipd_client.messages import encode
     from slipd_client.paths import publish_endpoint, runtime_dir
 

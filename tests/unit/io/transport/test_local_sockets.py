@@ -16,7 +16,7 @@ from zeromq_peers import Clients
 
 from slipd.errors import LinkError
 from slipd.events import LinkSpec, LinkUp
-from slipd.io.transport.local_sockets import MAX_MESSAGE_BYTES, open_driver_socket
+from slipd.io.transport.sockets import MAX_MESSAGE_BYTES, open_driver_socket
 
 pytestmark = pytest.mark.usefixtures("loop_faults")
 

@@ -14,16 +14,17 @@ from loop_waits import PATIENCE_S, eventually
 from slipd.devices import Inquiry
 from slipd.errors import LinkError
 from slipd.events import Bytes, LinkDown, LinkSpec, LinkUp
-from slipd.io.transport import network
+from slipd.io.transport import link, sockets
+from slipd.io.transport.link import MAX_REPLY_BYTES, inquire
 from slipd.io.transport.link_connection import READ_BYTES
-from slipd.io.transport.network import MAX_DATAGRAM_BYTES, MAX_REPLY_BYTES, inquire
+from slipd.io.transport.sockets import MAX_DATAGRAM_BYTES
 
 pytestmark = pytest.mark.usefixtures("loop_faults")
 
 
 @pytest.mark.parametrize("far", ["tcp"], indirect=True)
 async def test_commands_leave_at_once_and_a_cut_cable_is_noticed(far: TcpDevice) -> None:
-    connection = await network.open_tcp(far.spec, print)
+    connection = await sockets.open_tcp(far.spec, print)
     opened = connection._opened
     idle_s, probe_s, probes, unsent_ms, at_once = (
         opened.getsockopt(socket.IPPROTO_TCP, option)
@@ -39,7 +40,7 @@ async def test_commands_leave_at_once_and_a_cut_cable_is_noticed(far: TcpDevice)
 
 
 async def test_a_device_that_does_not_answer_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(network, "OPEN_TIMEOUT_S", 0.05)
+    monkeypatch.setattr(sockets, "OPEN_TIMEOUT_S", 0.05)
     with socket.socket() as server, socket.socket() as queued, socket.socket() as queued_too:
         server.bind(("127.0.0.1", 0))
         server.listen(0)  # one visitor fills the queue, and the next is not answered
@@ -164,12 +165,12 @@ async def test_L9_a_flood_leaves_the_loop_its_turn(sensor: Sensor) -> None:
                 now = len(events)
                 await asyncio.sleep(0)  # one turn of the loop
                 most = max(most, len(events) - now)
-            assert most <= min(network.DATAGRAMS_PER_WAKE, -(-READ_BYTES // max(size, 1)))
+            assert most <= min(sockets.DATAGRAMS_PER_WAKE, -(-READ_BYTES // max(size, 1)))
 
 
 async def test_a_kernel_that_does_not_count_drops_is_borne(sensor: Sensor, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(network, "SO_MEMINFO", 9999)
-    connection = await network.open_udp(sensor.spec, print)
+    monkeypatch.setattr(sockets, "SO_MEMINFO", 9999)
+    connection = await sockets.open_udp(sensor.spec, print)
     assert connection.overruns == 0
     await connection.close()
 
@@ -216,7 +217,7 @@ async def host(*answers: bytes, hangs_up: bool = True) -> AsyncIterator[tuple[in
 async def test_an_answer_ends_at_its_length_or_with_the_connection_or_is_refused(
     answer: bytes, reply_bytes: int, hangs_up: bool, fault: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(network, "INQUIRY_TIMEOUT_S", 0.05 if fault.startswith("no answer") else PATIENCE_S)
+    monkeypatch.setattr(link, "INQUIRY_TIMEOUT_S", 0.05 if fault.startswith("no answer") else PATIENCE_S)
     async with host(answer, hangs_up=hangs_up) as (port, asked):
         refused = pytest.raises(LinkError, match=f"TCP port {port} failed: .*{fault}; switch the device on")
         with refused if fault else contextlib.nullcontext():

@@ -179,8 +179,8 @@ def test_the_soft_limit_is_raised_to_the_hard_one() -> None:
 DAEMON = """
 import asyncio, resource, sys
 resource.setrlimit(resource.RLIMIT_NOFILE, (128, 128))
-from slipd.io.bus.publisher import Publisher
-from slipd.io.bus.request_server import RequestServer
+from slipd.io.publisher import Publisher
+from slipd.io.request_server import RequestServer
 from slipd.io.zmtp.endpoint import Access
 
 async def main():

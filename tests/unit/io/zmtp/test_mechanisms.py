@@ -1,6 +1,6 @@
 """CURVE against a client written here from the RFC: valid handshakes, and everything that must be refused.
 
-Handshakes of libzmq clients are tested with the endpoints (`tests/unit/io/bus/test_authentication.py`).
+Handshakes of libzmq clients are tested with the endpoints (`tests/unit/io/test_authentication.py`).
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from project import CONFIG
 
 from slipd import cli
 from slipd.errors import LinkError
-from slipd.io.bus.access import RuntimeDirectory
+from slipd.io.access import RuntimeDirectory
 
 GROUP = "daemon"
 """Root may give files to any group; one that every machine has."""
@@ -25,7 +25,7 @@ root_only = pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files 
 
 HOLD = """
 import sys, pathlib
-from slipd.io.bus.access import RuntimeDirectory
+from slipd.io.access import RuntimeDirectory
 with RuntimeDirectory(pathlib.Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()

@@ -10,8 +10,8 @@ import zmq
 from loop_waits import PATIENCE_S, eventually, open_files
 from zeromq_peers import Clients, Peer, StandingClock
 
-from slipd.io.bus import publisher as publisher_module
-from slipd.io.bus.publisher import Publisher
+from slipd.io import publisher as publisher_module
+from slipd.io.publisher import Publisher
 from slipd.io.zmtp import listener
 
 pytestmark = pytest.mark.usefixtures("loop_faults")

@@ -11,8 +11,8 @@ import zmq
 from loop_waits import eventually
 from zeromq_peers import Clients, Peer, StandingClock
 
-from slipd.io.bus import request_server
-from slipd.io.bus.request_server import MOST_QUEUED, RequestServer
+from slipd.io import request_server
+from slipd.io.request_server import MOST_QUEUED, RequestServer
 from slipd.io.zmtp.endpoint import USER_ALONE, Access
 from slipd_client.messages import CHECK_LIMITS, PROTOCOL_VERSION, decode, encode
 

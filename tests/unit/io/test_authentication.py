@@ -16,9 +16,9 @@ from zmq.utils import z85
 
 from slipd.config import Bus
 from slipd.errors import LinkError
-from slipd.io.bus.access import admits, guard
-from slipd.io.bus.publisher import Publisher
-from slipd.io.bus.request_server import RequestServer
+from slipd.io.access import admits, guard
+from slipd.io.publisher import Publisher
+from slipd.io.request_server import RequestServer
 from slipd.io.zmtp.endpoint import Access
 from slipd_client.keys import Keys, create, load
 from slipd_client.messages import decode, encode

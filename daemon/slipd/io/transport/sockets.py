@@ -1,4 +1,7 @@
-"""Devices on the network: a TCP port as a stream of bytes, datagrams of UDP, and what is asked before over TCP."""
+"""Sockets: devices on the network over TCP and UDP, and other programs of this user, which connect to a socket here.
+
+Programs push readings over ZeroMQ; one at a time drives a gripper over a raw stream.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +9,15 @@ import array
 import asyncio
 import contextlib
 import socket
-from urllib.parse import urlsplit
 
-from slipd.config import address_fault
-from slipd.devices import Inquiry
+from slipd.devices.external_gripper.external_gripper_message import REFUSED, encode_notice
 from slipd.errors import LinkError
 from slipd.events import LinkSpec
-from slipd.io.transport.link_connection import READ_BYTES, FileConnection, OnBytes
-from slipd.io.zmtp.endpoint import set_tcp_options
+from slipd.io.transport.link_connection import READ_BYTES, Connection, FileConnection, OnBytes, host_and_port
+from slipd.io.zmtp.connection import PeerRules
+from slipd.io.zmtp.endpoint import bind, release, set_tcp_options
+from slipd.io.zmtp.listener import Listener
+from slipd.io.zmtp.peer import Peer
 
 OPEN_TIMEOUT_S = 2.0
 """Longest wait for an answer, s: a device on the local network that takes longer is off or stuck."""
@@ -30,11 +34,20 @@ MAX_DATAGRAM_BYTES = 2048
 SO_MEMINFO, MEMINFO_WORDS, MEMINFO_DROPS = 55, 9, 8
 """Linux <asm-generic/socket.h> and <linux/sock_diag.h>: counters of a socket, of which the last is the drops."""
 
-INQUIRY_TIMEOUT_S = 2.0
-"""Longest duration of request and answer, s: a working device takes some milliseconds."""
+MAX_MESSAGE_BYTES = 64 * 1024
+"""Longest message accepted: five times one image of 1024 three-axis taxels in float32."""
 
-MAX_REPLY_BYTES = 65_536
-"""Longest answer of unknown length: several times the settings page of a sensor."""
+MESSAGES_PER_WAKE = 8
+"""Messages delivered before other tasks of the loop run: each is a reading, and so a verdict."""
+
+SHARE = 0.75
+"""Largest long-term share of the loop time for one sender: readings are the main work, and only this user can push."""
+
+BUSY = "another driver is connected"
+
+_RULES = PeerRules(
+    kind=b"PULL", serves=frozenset({b"PUSH"}), max_bytes=MAX_MESSAGE_BYTES, messages_per_wake=MESSAGES_PER_WAKE
+)
 
 
 async def open_tcp(spec: LinkSpec, on_bytes: OnBytes) -> FileConnection:
@@ -125,74 +138,77 @@ async def _first(host: str, port: int, kind: socket.SocketKind) -> socket.socket
     raise failure
 
 
-def host_and_port(address: str) -> tuple[str, int]:
-    """Return host and port of an address such as ``udp://HOST:PORT``; an IPv6 address as host is in brackets.
+async def open_push_socket(spec: LinkSpec, on_bytes: OnBytes) -> PushConnection:
+    """Bind a ZeroMQ socket for this user only, for labs whose own driver holds the port of a sensor.
 
     Raises:
-        LinkError: The address has no host, or no possible port.
+        LinkError: Its directory does not exist, another program serves it, or it cannot be bound.
     """
-    if fault := address_fault(address):
-        scheme = address.partition("://")[0]
-        raise LinkError(f"{address}: {fault}; a valid one is {scheme}://192.168.1.1:49152")
-    parts = urlsplit(address)
-    return parts.hostname or "", parts.port or 0
+    return PushConnection(spec.address, on_bytes)
 
 
-async def inquire(address: str, inquiry: Inquiry) -> bytes:
-    """Ask the host of a link over TCP for what its stream does not contain, such as the calibration of a sensor.
+class PushConnection(Connection):
+    """A socket to which other processes push: each message is delivered as one piece of bytes. It is never lost.
 
-    The request of the inquiry is sent, then the change that the answer calls for. A change that fails is no fault of
-    the link: the answer shows it.
+    A sender that has used up its share of the loop is paused on purpose; its bytes do not count as unread.
+    """
 
-    Returns:
-        The newest whole answer.
+    def __init__(self, endpoint: str, on_bytes: OnBytes) -> None:
+        super().__init__(endpoint, on_bytes)
+        self._listener = _Pull(self).__enter__()
+
+    async def close(self) -> None:
+        """Close the socket at once; unread messages are lost."""
+        self._listener.__exit__()
+
+
+class _Pull(Listener):
+    def __init__(self, connection: PushConnection) -> None:
+        super().__init__(connection.identity, _RULES, share=SHARE)
+        self._connection = connection
+
+    def on_message(self, peer: Peer, frames: list[bytes]) -> None:
+        """Deliver a message, which has one frame; of a longer one, the first two are treated as messages."""
+        for frame in frames:
+            self._connection.deliver(frame)
+
+
+async def open_driver_socket(spec: LinkSpec, on_bytes: OnBytes) -> DriverConnection:
+    """Bind a socket for this user only, and wait for a driver: a raw stream of bytes, as on a serial line.
 
     Raises:
-        LinkError: No answer within INQUIRY_TIMEOUT_S, an answer that is cut off or too long, or one that fails its
-            check.
+        LinkError: The address is invalid, other users could replace the socket, another program serves it, or it cannot
+            be bound.
     """
-    answer = await _checked(address, inquiry)
-    if request := inquiry.change(answer):
-        with contextlib.suppress(LinkError):
-            await _checked(address, Inquiry(inquiry.port, request, 0))
-        with contextlib.suppress(LinkError):
-            answer = await _checked(address, inquiry)
-    return answer
+    server, _ = bind(spec.address)
+    with contextlib.ExitStack() as on_failure:
+        on_failure.callback(release, server, spec.address)
+        try:
+            driver, _ = await asyncio.get_running_loop().sock_accept(server)
+        except OSError as error:
+            raise LinkError(f"{spec.address}: cannot accept a driver: {error}") from error
+        on_failure.pop_all()
+    driver.setblocking(False)
+    return DriverConnection(spec.address, driver, on_bytes, server)
 
 
-async def _checked(address: str, inquiry: Inquiry) -> bytes:
-    host, _ = host_and_port(address)
-    try:
-        async with asyncio.timeout(INQUIRY_TIMEOUT_S):
-            answer = await _ask(host, inquiry)
-        fault = inquiry.check(answer)
-    except TimeoutError:
-        fault = f"no answer within {INQUIRY_TIMEOUT_S:g} s"
-    except asyncio.IncompleteReadError as error:
-        fault = f"the answer must have {inquiry.reply_bytes} bytes, got {len(error.partial)}"
-    except (OSError, ValueError) as error:
-        fault = str(error)
-    if not fault:
-        return answer
-    raise LinkError(
-        f"{address}: inquiry on TCP port {inquiry.port} failed: {fault}; switch the device on, correct the address, or"
-        " state in the options what the device would answer"
-    )
+class DriverConnection(FileConnection):
+    """A connected driver; a second one gets a notice and is disconnected."""
 
+    def __init__(self, address: str, driver: socket.socket, on_bytes: OnBytes, server: socket.socket) -> None:
+        super().__init__(address, driver, on_bytes)
+        self._server = server
+        self._loop.add_reader(server, self._refuse_driver)
 
-async def _ask(host: str, inquiry: Inquiry) -> bytes:
-    reader, writer = await asyncio.open_connection(host, inquiry.port, limit=MAX_REPLY_BYTES)
-    try:
-        writer.write(inquiry.request)
-        if inquiry.reply_bytes:
-            return await reader.readexactly(inquiry.reply_bytes)
-        answer = b""
-        while chunk := await reader.read(MAX_REPLY_BYTES):
-            answer += chunk
-            if len(answer) > MAX_REPLY_BYTES:
-                raise ValueError(f"the answer has more than {MAX_REPLY_BYTES} bytes")
-        if not answer:
-            raise ValueError("the device closed the connection without an answer")
-        return answer
-    finally:
-        writer.transport.abort()  # nothing is left to send
+    async def close(self) -> None:
+        """Close the listening socket, so that no other driver connects, and then the connection."""
+        self._loop.remove_reader(self._server)
+        release(self._server, self._address)
+        await super().close()
+
+    def _refuse_driver(self) -> None:
+        with contextlib.suppress(OSError):  # it has left, or no file descriptor is free
+            visitor, _ = self._server.accept()
+            with visitor:
+                visitor.setblocking(False)
+                visitor.send(encode_notice(REFUSED, BUSY))
