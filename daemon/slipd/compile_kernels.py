@@ -15,10 +15,9 @@ from numba.core import event
 from slipd.engine.warm_up import warm_up
 from slipd.fusion.compiled import KERNELS, PARTS
 from slipd.io.progress import Progress
+from slipd_client.terminal import INTERRUPTED
 
 PURPOSE = "compiling kernels, once"
-
-INTERRUPTED = 130
 
 COLLECT_EVERY = 50_000
 """The garbage collector looks each time that so many more objects exist: it finds next to nothing in what the compiler

@@ -10,7 +10,8 @@ import gc
 import itertools
 import logging
 import signal
-from collections.abc import Callable, Coroutine, Mapping
+import time
+from collections.abc import Callable, Coroutine
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +23,7 @@ from slipd.errors import SlipdError
 from slipd.events import HostNotice
 from slipd.io.event_loop import PollingSelector, Ticker, realtime_priority
 from slipd.io.run_signals import ConfigReload, EndSignals, kept_text, reload_requests
-from slipd.io.systemd import SystemdNotifier, stage_checks, watch_stages
+from slipd.io.systemd import SystemdNotifier, watch_stages
 from slipd.io.transport import Links
 from slipd.io.zmtp.listener import raise_descriptor_limit
 from slipd.service_run import Endpoints, ServiceRun
@@ -30,9 +31,6 @@ from slipd.service_run import Endpoints, ServiceRun
 LOSS_REPORT_S = 10.0
 """Period of the log lines about data lost on this host, s: often enough to find the cause, too rare to flood the
 log."""
-
-NOTICE_FAULTS = {"config": "config-kept", "realtime": "realtime-refused"}
-"""Topic of a notice → id of its repair (docs/health.md)."""
 
 _log = logging.getLogger(__name__)
 
@@ -56,9 +54,9 @@ class ProcessControl:
     def report_end(self) -> None:
         """Report to systemd that the run ends, or gives way to one with another config."""
         if self.reload is not None and self.reload.found is not None:
-            self.notifier.reloading()
+            self.notifier.send("RELOADING=1", f"MONOTONIC_USEC={time.monotonic_ns() // 1000}")
         else:
-            self.notifier.stopping()
+            self.notifier.send("STOPPING=1")
 
 
 NO_CONTROL = ProcessControl()
@@ -107,10 +105,14 @@ async def serve(
             run.links = links
             helpers = [tasks.create_task(work, name=name) for name, work in _helpers(run, links, control).items()]
             run.report_recordings()
-            _report_notices(run, {"config": control.config_fault, "realtime": refused})
+            if refused:
+                _log.warning("realtime: %s", refused, extra={"slipd_fault": "realtime-refused"})
+            for topic, text in (("config", control.config_fault), ("realtime", refused)):
+                if text:
+                    run.handle(HostNotice(topic, text))
             on_ready(run.endpoints)
             run.recorders.kept = True
-            control.notifier.ready()
+            control.notifier.send("READY=1")
             await stop.wait()
             control.report_end()
             run.end()
@@ -129,16 +131,11 @@ def _helpers(run: ServiceRun, links: Links, control: ProcessControl) -> dict[str
     if control.reload is not None:
         helpers["reload"] = control.reload.watch(run.config, run.handle, run.stop)
     if notifier.watchdog_s is not None:
-        checks = stage_checks(links, lambda: run.ticks_handled, run.publisher, run.requests)
-        helpers["watchdog"] = watch_stages(notifier.feed, notifier.watchdog_s, checks)
+        listeners = run.publisher, run.requests
+        helpers["watchdog"] = watch_stages(
+            lambda: notifier.send("WATCHDOG=1"), notifier.watchdog_s, links, lambda: run.ticks_handled, listeners
+        )
     return helpers
-
-
-def _report_notices(run: ServiceRun, notices: Mapping[str, str]) -> None:
-    for topic, text in notices.items():
-        if text:
-            _log.warning("%s: %s", topic, text, extra={"slipd_fault": NOTICE_FAULTS[topic]})
-            run.handle(HostNotice(topic, text))
 
 
 async def _report_losses(links: Links) -> None:
@@ -186,50 +183,6 @@ def print_endpoints(endpoints: Endpoints) -> None:
     print(f"publish: {endpoints.publish}\nrequests: {endpoints.requests}", flush=True)
 
 
-@dataclass(slots=True)
-class ConfigChoice:
-    """Which config a process serves: that of its file, or the one before where that cannot start.
-
-    Attributes:
-        file: The file.
-        config: The config in force.
-        before: The previous config, to fall back to; None if there is none.
-        refused: Why the config of the file is not in force; None where it is.
-        served: A run with the config in force has begun.
-    """
-
-    file: Path
-    config: Config
-    before: Config | None = None
-    refused: SlipdError | None = None
-    served: bool = False
-
-    @property
-    def first(self) -> bool:
-        """No other config was in force yet."""
-        return self.before is None and self.refused is None
-
-    def change(self, found: Config) -> None:
-        """Put another config in force, which the file holds now."""
-        self.config, self.before, self.refused, self.served = found, self.config, None, False
-
-    def go_back(self, error: SlipdError) -> None:
-        """Go back to the config before where no run can start with the one in force.
-
-        Raises:
-            SlipdError: A run has begun and failed, there is no config before, or that one cannot start either.
-        """
-        if self.served or self.first:
-            raise error
-        if self.before is None:
-            raise SlipdError(
-                f"{self.file}: neither the changed config nor the one before can start\n"
-                f"  changed: {self.refused}\n  before: {error}"
-            ) from error
-        self.config, self.before, self.refused = self.before, None, error
-        _log.error("%s", kept_text(error), extra={"slipd_fault": "config-kept"})
-
-
 async def serve_file(
     file: Path, record: Path | None, on_ready: Callable[[Endpoints], None], selector: PollingSelector
 ) -> None:
@@ -253,35 +206,46 @@ async def serve_file(
         SlipdError: The first run cannot start, neither the changed config nor the one before can, or the recording of a
             run failed.
     """
-    notifier, choice = SystemdNotifier(), ConfigChoice(file, load(file))
-    requested = reload_requests()
+    notifier, config, requested = SystemdNotifier(), load(file), reload_requests()
+    before: Config | None = None  # the config to go back to
+    refused: SlipdError | None = None  # why the config of the file is not in force
+    served = False
 
     def note_served(endpoints: Endpoints) -> None:
-        choice.served = True
+        nonlocal served
+        served = True
         on_ready(endpoints)
 
     hangup = [signal.SIGHUP] if requested is None else []  # ends the daemon where it does not reload
     with EndSignals(signal.SIGINT, signal.SIGTERM, *hangup) as ends:
         while not ends.received:
-            config, refused = choice.config, choice.refused
             selector.polls = config.realtime.poll
             for hint in hints(config, str(file)) if refused is None else ():
                 _log.warning("%s", hint)
             reload = None if requested is None else ConfigReload(file, requested)
+            first, served = before is None and refused is None, False
             try:
                 await serve(
                     config,
-                    record=None if record is None else _free_name(record, first=choice.first),
+                    record=None if record is None else _free_name(record, first=first),
                     on_ready=note_served,
                     control=ProcessControl(ends, reload, "" if refused is None else kept_text(refused), notifier),
                 )
             except SlipdError as error:
-                choice.go_back(error)
+                if served or first:
+                    raise
+                if before is None:
+                    raise SlipdError(
+                        f"{file}: neither the changed config nor the one before can start\n"
+                        f"  changed: {refused}\n  before: {error}"
+                    ) from error
+                config, before, refused = before, None, error
+                _log.error("%s", kept_text(error), extra={"slipd_fault": "config-kept"})
             else:
                 if reload is None or reload.found is None:
                     return
-                choice.change(reload.found)
-        notifier.stopping()
+                config, before, refused = reload.found, config, None
+        notifier.send("STOPPING=1")
 
 
 def _free_name(path: Path, *, first: bool) -> Path:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import itertools
 import math
 import re
 from collections.abc import Iterator, Mapping
@@ -52,12 +53,11 @@ def hints(config: Config, file: str) -> Iterator[str]:
         line = line_of(lines, tuple(path.split(".")))
         place = file if line is None else f"{file}:{line}"
         yield f"{place}: warning: {path}: {text}"
-    tables: dict[tuple[str, ...], list[tuple[str, int]]] = {}
-    for marked, number in marked_keys(config.text).items():
-        tables.setdefault(marked[:-1], []).append((marked[-1], number))
-    for table, keys in tables.items():
-        names = ", ".join(key for key, _ in keys)
-        yield f"{file}:{keys[0][1]}: warning: {'.'.join(table)}: still marked MEASURE: {names}"
+    marked = marked_keys(config.text)
+    for table, paths in itertools.groupby(marked, key=lambda path: path[:-1]):
+        keys = list(paths)
+        names = ", ".join(path[-1] for path in keys)
+        yield f"{file}:{marked[keys[0]]}: warning: {'.'.join(table)}: still marked MEASURE: {names}"
 
 
 def _hints(config: Config) -> Iterator[tuple[str, str]]:

@@ -112,28 +112,22 @@ def parse(text: str, file: str) -> Config:
         tree = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # not only TOMLDecodeError: a number or list may be too long or deep
         raise ConfigError(file, [ConfigFault("", *syntax_fault(text, error))]) from None
+    config, found = None, []
     try:
         config = Config.model_validate(tree)
     except ValidationError as error:
-        errors = error.errors(include_url=False)
-        found = [explain(fault) for fault in errors]
-        for fault in errors:
+        faults = error.errors(include_url=False)
+        found = [explain(fault) for fault in faults]
+        for fault in faults:
             _remove_value(tree, fault["loc"])
         with contextlib.suppress(ValidationError):  # the valid values may still not fit each other
-            found += _semantic_faults(Config.model_validate(tree))
-        raise _config_error(file, text, found) from None
-    if faults := _semantic_faults(config):
-        raise _config_error(file, text, faults)
+            config = Config.model_validate(tree)
+    if config is not None:
+        found += [(tuple(path.split(".")), message) for path, message in semantic_faults(config)]
+    if config is None or found:
+        lines = key_lines(text)
+        raise ConfigError(file, [ConfigFault(".".join(path), line_of(lines, path), fault) for path, fault in found])
     return config.with_text(text)
-
-
-def _semantic_faults(config: Config) -> list[tuple[tuple[str, ...], str]]:
-    return [(tuple(path.split(".")), message) for path, message in semantic_faults(config)]
-
-
-def _config_error(file: str, text: str, found: list[tuple[tuple[str, ...], str]]) -> ConfigError:
-    lines = key_lines(text)
-    return ConfigError(file, [ConfigFault(".".join(path), line_of(lines, path), message) for path, message in found])
 
 
 def _remove_value(tree: Any, location: tuple[int | str, ...]) -> None:
@@ -258,11 +252,7 @@ def _headed(text: str) -> Iterator[tuple[tuple[str, ...], int]]:
 
 def line_of(lines: dict[tuple[str, ...], int], path: tuple[str, ...]) -> int | None:
     """Return the line of a key; where the file lacks it, that of the innermost table around it, or None."""
-    while path:
-        if path in lines:
-            return lines[path]
-        path = path[:-1]
-    return None
+    return next((lines[path[:depth]] for depth in range(len(path), 0, -1) if path[:depth] in lines), None)
 
 
 def _parts(dotted: str) -> tuple[str, ...]:

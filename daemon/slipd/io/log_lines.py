@@ -15,15 +15,16 @@ import struct
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from logging.handlers import RotatingFileHandler
 from pathlib import Path
 from types import TracebackType
 from typing import Any, TextIO
 
 from slipd.errors import one_line
+from slipd.io.rate_limit import RateLimit
 
 BURST = 10
 """Lines of one kind that pass at once."""
@@ -32,7 +33,7 @@ EVERY_S = 5.0
 """Interval after which one more line passes, s."""
 
 KINDS = 256
-"""Kinds of lines that are counted separately; beyond this number all counts are reset."""
+"""Kinds of lines that are counted separately; of more, the kind that was silent for longest is forgotten."""
 
 KEPT_BYTES = 1_000_000
 """Length of a file of the log, after which the next begins."""
@@ -48,13 +49,6 @@ _DEBUG = 7
 _log = logging.getLogger(__name__)
 
 
-@dataclass(slots=True)
-class _Kind:
-    allowed: float
-    at_s: float
-    dropped: int = 0
-
-
 class LogGate(logging.Filter):
     """Pass or drop each line; the next line of a kind states how many were dropped.
 
@@ -67,7 +61,8 @@ class LogGate(logging.Filter):
     def __init__(self, now: Callable[[], float] = time.monotonic) -> None:
         super().__init__()
         self._now = now
-        self._kinds: dict[tuple[str, str, str], _Kind] = {}
+        self._limit = RateLimit(1.0 / EVERY_S, BURST, KINDS)
+        self._dropped: Counter[tuple[str, str, str]] = Counter()
 
     def filter(self, record: logging.LogRecord) -> bool:
         """Return whether a line passes, after making its text safe."""
@@ -75,29 +70,17 @@ class LogGate(logging.Filter):
             line = one_line(record.getMessage())
         except (TypeError, ValueError, KeyError):  # its arguments do not fit, which the handler reports
             return True
-        kind = self._kind(record)
-        if kind.allowed < 1.0:
-            kind.dropped += 1
-            return False
-        kind.allowed -= 1.0
-        record.msg = f"{line} ({kind.dropped} similar lines were dropped)" if kind.dropped else line
-        record.args = ()
-        kind.dropped = 0
-        return True
-
-    def _kind(self, record: logging.LogRecord) -> _Kind:
-        """Return the kind of a line, with its allowance updated."""
         first = record.args[0] if isinstance(record.args, tuple) and record.args else ""
-        key = record.name, str(record.msg), str(first)
-        now_s = self._now()
-        if key not in self._kinds:
-            if len(self._kinds) >= KINDS:
-                self._kinds.clear()
-            self._kinds[key] = _Kind(BURST, now_s)
-        kind = self._kinds[key]
-        kind.allowed = min(BURST, kind.allowed + (now_s - kind.at_s) / EVERY_S)
-        kind.at_s = now_s
-        return kind
+        kind = record.name, str(record.msg), str(first)
+        if not self._limit.allows(kind, round(self._now() * 1e9)):
+            if len(self._dropped) > KINDS:
+                self._dropped.clear()
+            self._dropped[kind] += 1
+            return False
+        dropped = self._dropped.pop(kind, 0)
+        record.msg = f"{line} ({dropped} similar lines were dropped)" if dropped else line
+        record.args = ()
+        return True
 
 
 class LogFormatter(logging.Formatter):
@@ -160,7 +143,7 @@ class JournalHandler(logging.Handler):
             self.handleError(record)
             return
         try:
-            self._socket.sendto(b"".join(_field(*field) for field in _fields(record, text)), self._address)
+            self._socket.sendto(b"".join(_field(*field) for field in _fields(record, text).items()), self._address)
         except OSError:
             self._fallback.handle(record)
 
@@ -170,21 +153,20 @@ class JournalHandler(logging.Handler):
         super().close()
 
 
-def _fields(record: logging.LogRecord, text: str) -> Iterator[tuple[str, str]]:
-    """Yield name and value of each field."""
-    yield "MESSAGE", text
-    yield "PRIORITY", str(_priority(record.levelno))
-    yield "SYSLOG_IDENTIFIER", "slipd"
-    yield "LOGGER", record.name
-    yield "CODE_FILE", record.pathname
-    yield "CODE_LINE", str(record.lineno)
-    yield "CODE_FUNC", record.funcName or ""
-    given = {key: str(getattr(record, key)) for key in _FIELDS if hasattr(record, key)}
-    finger, dot, _ = given.get("slipd_stream", "").partition(".")
-    if dot:
-        given["slipd_finger"] = finger
-    for key, value in given.items():
-        yield key.upper(), one_line(value)
+def _fields(record: logging.LogRecord, text: str) -> dict[str, str]:
+    """Return the fields of an entry."""
+    fields = {
+        "MESSAGE": text,
+        "PRIORITY": str(_priority(record.levelno)),
+        "SYSLOG_IDENTIFIER": "slipd",
+        "LOGGER": record.name,
+        "CODE_FILE": record.pathname,
+        "CODE_LINE": str(record.lineno),
+        "CODE_FUNC": record.funcName or "",
+    }
+    fields |= {key.upper(): one_line(str(getattr(record, key))) for key in _FIELDS if hasattr(record, key)}
+    finger, dot, _ = fields.get("SLIPD_STREAM", "").partition(".")
+    return fields | ({"SLIPD_FINGER": finger} if dot else {})
 
 
 def _field(name: str, value: str) -> bytes:

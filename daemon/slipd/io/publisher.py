@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import time
 
+from slipd.io.rate_limit import RateLimit
 from slipd.io.zmtp.connection import PeerRules
 from slipd.io.zmtp.endpoint import USER_ALONE, Access
 from slipd.io.zmtp.listener import Listener
 from slipd.io.zmtp.peer import Peer
-from slipd.io.zmtp.peer_limits import RateLimit
 from slipd.io.zmtp.wire import ProtocolError
 
 MOST_QUEUED = 1000

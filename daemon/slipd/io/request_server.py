@@ -12,11 +12,11 @@ import time
 from collections.abc import Callable, Container
 from typing import Any
 
+from slipd.io.rate_limit import RateLimit
 from slipd.io.zmtp.connection import PeerRules
 from slipd.io.zmtp.endpoint import USER_ALONE, Access
 from slipd.io.zmtp.listener import Listener
-from slipd.io.zmtp.peer import Peer
-from slipd.io.zmtp.peer_limits import SHARE, RateLimit
+from slipd.io.zmtp.peer import SHARE, Peer
 from slipd.io.zmtp.wire import ProtocolError
 from slipd.publish.replies import error_body
 from slipd.types.permit import Refusal

@@ -12,7 +12,6 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
-from typing import Any, Self
 
 from slipd.config import Config, load
 from slipd.errors import ConfigError
@@ -37,7 +36,7 @@ def reload_requests() -> asyncio.Event | None:
     return requested
 
 
-class EndSignals:
+class EndSignals(contextlib.ExitStack):
     """Signals that end the daemon, handled until the ``with`` block ends.
 
     A signal is remembered even while the loop stands still, as when a run closes its recordings. Signals that are
@@ -51,26 +50,19 @@ class EndSignals:
     """
 
     def __init__(self, *numbers: signal.Signals) -> None:
+        super().__init__()
         self.received = False
-        self._numbers = numbers
-        self._before: dict[signal.Signals, Any] = {}
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
+        self._numbers = [number for number in numbers if signal.getsignal(number) is not signal.SIG_IGN]
 
     def handle(self, stop: asyncio.Event) -> None:
         """Set ``stop`` at each signal from now on, and at once if one has come; earlier events are forgotten."""
         self._loop, self._stop = asyncio.get_running_loop(), stop
         if self.received:
             stop.set()
-        for number in self._numbers:
-            if number not in self._before and signal.getsignal(number) is not signal.SIG_IGN:
-                with contextlib.suppress(ValueError):
-                    self._before[number] = signal.signal(number, self._on_signal)
+        while self._numbers:
+            number = self._numbers.pop()
+            with contextlib.suppress(ValueError):
+                self.callback(signal.signal, number, signal.signal(number, self._on_signal))
 
     def _on_signal(self, _: int, __: FrameType | None) -> None:
         self.received = True

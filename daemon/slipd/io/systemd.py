@@ -13,8 +13,7 @@ import contextlib
 import logging
 import os
 import socket
-import time
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from slipd.errors import one_line
 from slipd.io.transport import Links
@@ -27,9 +26,6 @@ FEEDS_PER_TIMEOUT = 4
 """Feeds within the timeout of the watchdog: one may fail, as for a stage that was looked at between two of its steps,
 even if every endpoint is waited for."""
 
-Check = Callable[[], Awaitable[str]]
-"""Returns why a stage made no progress since the last call; "" if it did."""
-
 _log = logging.getLogger(__name__)
 
 
@@ -40,7 +36,7 @@ class SystemdNotifier:
         environment: Variables that the service manager set: ``NOTIFY_SOCKET``, ``WATCHDOG_USEC``, ``WATCHDOG_PID``.
 
     Attributes:
-        watchdog_s: Time within which `feed` must be called again, s; None: there is no watchdog.
+        watchdog_s: Time within which ``WATCHDOG=1`` must be sent again, s; None: there is no watchdog.
     """
 
     def __init__(self, environment: Mapping[str, str] = os.environ) -> None:
@@ -52,78 +48,46 @@ class SystemdNotifier:
         watched = bool(self._address) and for_this and microseconds.isdecimal() and int(microseconds) > 0
         self.watchdog_s = int(microseconds) * 1e-6 if watched else None
 
-    def ready(self) -> None:
-        """Report that the daemon serves; also the end of a reload."""
-        self._send("READY=1")
-
-    def reloading(self) -> None:
-        """Report that the daemon starts again with another config."""
-        self._send("RELOADING=1", f"MONOTONIC_USEC={time.monotonic_ns() // 1000}")
-
-    def stopping(self) -> None:
-        """Report that the daemon ends."""
-        self._send("STOPPING=1")
-
-    def status(self, text: str) -> None:
-        """Show a line in ``systemctl status``; sent only when it changes."""
-        if self._address and text != self._status:
-            self._status = text
-            self._send(f"STATUS={one_line(text)}")
-
-    def feed(self) -> None:
-        """Report to the watchdog that the daemon makes progress."""
-        self._send("WATCHDOG=1")
-
-    def _send(self, *lines: str) -> None:
+    def send(self, *lines: str) -> None:
+        """Send lines such as ``READY=1``, as sd_notify(3) explains them."""
         if not self._address:
             return
         with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sender:
             sender.setblocking(False)  # a service manager that hangs must not stop the daemon
             sender.sendto("\n".join(lines).encode(), self._address)
 
+    def status(self, text: str) -> None:
+        """Show a line in ``systemctl status``; sent only when it changes."""
+        if self._address and text != self._status:
+            self._status = text
+            self.send(f"STATUS={one_line(text)}")
 
-async def watch_stages(feed: Callable[[], None], timeout_s: float, stages: Mapping[str, Check]) -> None:
+
+async def watch_stages(
+    feed: Callable[[], None],
+    timeout_s: float,
+    links: Links,
+    tick_count: Callable[[], int],
+    listeners: Iterable[Listener],
+) -> None:
     """Feed the watchdog for as long as every stage makes progress, until cancelled.
 
     Args:
         feed: Feeds the watchdog.
         timeout_s: Time after which an unfed watchdog ends the process, s.
-        stages: Check of each stage, by name.
-    """
-    while True:
-        await asyncio.sleep(timeout_s / FEEDS_PER_TIMEOUT)
-        stalled = [f"{name}: {why}" for name, check in stages.items() if (why := await check())]
-        if stalled:
-            _log.error("%s: the watchdog is not fed: no progress (%s)", "watchdog", "; ".join(stalled))
-        else:
-            feed()
-
-
-def stage_checks(
-    links: Links, tick_count: Callable[[], int], publisher: Listener, requests: Listener
-) -> dict[str, Check]:
-    """Return the check of each stage.
-
-    Args:
         links: The links to the devices.
         tick_count: Returns how many ticks the engine has handled.
-        publisher: The publisher.
-        requests: The request server.
+        listeners: The publisher and the request server.
     """
-    seen = tick_count()
-
-    async def check_links() -> str:
-        unread = links.unread()
-        return f"bytes of {', '.join(unread)} are not read" if unread else ""
-
-    async def check_engine() -> str:
-        nonlocal seen
-        before, seen = seen, tick_count()
-        return "" if seen > before else "it handles no ticks"
-
-    return {
-        "links": check_links,
-        "engine": check_engine,
-        "publishing": lambda: publisher.stall(ANSWER_S),
-        "requests": lambda: requests.stall(ANSWER_S),
-    }
+    ticks = tick_count()
+    while True:
+        await asyncio.sleep(timeout_s / FEEDS_PER_TIMEOUT)
+        before, ticks = ticks, tick_count()
+        stalls = [f"bytes of {name} are not read" for name in links.unread()]
+        if ticks == before:
+            stalls.append("the engine handles no ticks")
+        stalls += [why for listener in listeners if (why := await listener.stall(ANSWER_S))]
+        if stalls:
+            _log.error("%s: the watchdog is not fed: no progress (%s)", "watchdog", "; ".join(stalls))
+        else:
+            feed()

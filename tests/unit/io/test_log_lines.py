@@ -65,7 +65,7 @@ def test_lines_of_one_kind_are_limited_and_dropped_lines_are_counted() -> None:
 def test_the_gate_keeps_a_bounded_number_of_kinds() -> None:
     gate = LogGate(lambda: 0.0)
     assert all(gate.filter(line(f"message {n}")) for n in range(10 * KINDS))
-    assert len(gate._kinds) <= KINDS
+    assert len(gate._limit._buckets) <= KINDS
 
 
 FORGED = "why\nERROR slipd: \x1b[31mall is lost\x9b\u2028"

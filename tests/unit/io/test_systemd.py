@@ -12,13 +12,13 @@ from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 
 import pytest
-from loop_waits import PATIENCE_S, eventually
+from loop_waits import eventually
 from project import CONFIG
 
 from slipd.events import Event, LinkSpec
 from slipd.io.publisher import Publisher
 from slipd.io.request_server import RequestServer
-from slipd.io.systemd import ANSWER_S, FEEDS_PER_TIMEOUT, SystemdNotifier, stage_checks, watch_stages
+from slipd.io.systemd import ANSWER_S, FEEDS_PER_TIMEOUT, SystemdNotifier, watch_stages
 from slipd.io.transport import Links
 from slipd.io.zmtp.listener import Listener
 
@@ -31,20 +31,18 @@ def test_every_report_is_one_datagram_and_a_status_is_sent_once_on_one_line(abst
         notifier = SystemdNotifier({"NOTIFY_SOCKET": place})
         for text in ("well", "well", "bad\nREADY=1", "well"):
             notifier.status(text)
-        for report in (notifier.ready, notifier.feed, notifier.stopping, notifier.reloading):
-            report()
-        told = [manager.recv(4096, socket.MSG_DONTWAIT) for _ in range(7)]
+        notifier.send("RELOADING=1", "MONOTONIC_USEC=1")
+        told = [manager.recv(4096, socket.MSG_DONTWAIT) for _ in range(4)]
         with pytest.raises(BlockingIOError):
             manager.recv(4096, socket.MSG_DONTWAIT)
     statuses = [b"STATUS=well", rb"STATUS=bad\nREADY=1", b"STATUS=well"]
-    assert told[:6] == [*statuses, b"READY=1", b"WATCHDOG=1", b"STOPPING=1"]
-    assert told[6].startswith(b"RELOADING=1\nMONOTONIC_USEC=")
+    assert told == [*statuses, b"RELOADING=1\nMONOTONIC_USEC=1"]
 
 
 @pytest.mark.parametrize("environment", [{}, {"NOTIFY_SOCKET": "/nowhere/at/all"}])
 def test_without_a_manager_nothing_happens(environment: dict[str, str]) -> None:
     notifier = SystemdNotifier(environment)
-    notifier.ready()
+    notifier.send("READY=1")
     notifier.status("well")
     assert notifier.watchdog_s is None
 
@@ -62,25 +60,20 @@ def test_the_watchdog_is_fed_only_by_the_process_that_it_watches(
 
 
 class Daemon:
-    """The stages of a daemon, and a device that sends."""
+    """The stages of a daemon, a device that sends, and a watchdog."""
 
     def __init__(self, links: Links, publisher: Publisher, requests: RequestServer, device: int) -> None:
         self.links, self.publisher, self.requests, self.device = links, publisher, requests, device
-        self.ticks, self.ticking = 0, True
-        self.stages = stage_checks(links, lambda: self.ticks, publisher, requests)
+        self.ticks, self.ticking, self.feeds = 0, True, 0
 
-    async def stalled(self) -> set[str]:
-        """Let the device send and a tick pass, and return the stages without progress."""
+    def feed(self) -> None:
+        self.feeds += 1
+
+    def count(self) -> int:
+        """Let the device send and a tick pass, and return the number of ticks."""
         os.write(self.device, b"a reading")
-        await asyncio.sleep(0.01)
         self.ticks += self.ticking
-        return {name for name, check in self.stages.items() if await check()}
-
-    async def until_stalled(self, *stages: str) -> None:
-        """Wait until these stages alone make no progress, twice in a row; a pause of this process may stall any."""
-        async with asyncio.timeout(PATIENCE_S):
-            while not (await self.stalled() == set(stages) == await self.stalled()):
-                pass
+        return self.ticks
 
 
 @pytest.fixture
@@ -114,20 +107,29 @@ def _stop_accepting(listener: Listener) -> None:
 
 
 @pytest.mark.parametrize(
-    ("stage", "stall"),
+    ("why", "stall"),
     [
-        ("links", _stop_reading),
-        ("engine", _stop_ticking),
-        ("publishing", lambda daemon: _stop_accepting(daemon.publisher)),
-        ("requests", lambda daemon: _stop_accepting(daemon.requests)),
+        ("bytes of left.wrench are not read", _stop_reading),
+        ("the engine handles no ticks", _stop_ticking),
+        ("ipc://.*/publish greets no client", lambda daemon: _stop_accepting(daemon.publisher)),
+        ("ipc://.*/requests greets no client", lambda daemon: _stop_accepting(daemon.requests)),
     ],
 )
-async def test_P2_a_stalled_stage_is_found_and_only_that(
-    daemon: Daemon, stage: str, stall: Callable[[Daemon], None]
+async def test_P2_a_stalled_stage_is_found_and_only_that_and_the_watchdog_is_not_fed(
+    daemon: Daemon, why: str, stall: Callable[[Daemon], None], caplog: pytest.LogCaptureFixture
 ) -> None:
-    await daemon.until_stalled()
+    listeners = daemon.publisher, daemon.requests
+    watch = watch_stages(daemon.feed, 0.02 * FEEDS_PER_TIMEOUT, daemon.links, daemon.count, listeners)
+    watchdog = asyncio.create_task(watch)
+    await eventually(lambda: daemon.feeds > 2)
     stall(daemon)
-    await daemon.until_stalled(stage)
+    with caplog.at_level(logging.ERROR):
+        await eventually(lambda: re.search(rf"no progress \({why}\)", caplog.text))
+        fed = daemon.feeds
+        caplog.clear()
+        await eventually(lambda: caplog.records)
+    assert daemon.feeds == fed
+    watchdog.cancel()
 
 
 @pytest.mark.parametrize("unit", ["slipd.service", "slipd-user.service"])
@@ -135,25 +137,3 @@ def test_P2_one_check_may_fail_before_the_watchdog_of_the_unit_ends_the_daemon(u
     """Even if both endpoints are waited for, in the check that fails and in the next one."""
     timeout_s = float(re.findall(r"^WatchdogSec=(.+)$", (CONFIG / unit).read_text(encoding="utf-8"), re.MULTILINE)[0])
     assert 2 * (timeout_s / FEEDS_PER_TIMEOUT + 2 * ANSWER_S) <= timeout_s
-
-
-async def test_P2_the_watchdog_is_not_fed_while_a_stage_stands_still(caplog: pytest.LogCaptureFixture) -> None:
-    stall, fed = "", list[str]()
-
-    async def check() -> str:
-        return stall
-
-    watchdog = asyncio.create_task(
-        watch_stages(lambda: fed.append("fed"), 0.004 * FEEDS_PER_TIMEOUT, {"engine": check})
-    )
-    await eventually(lambda: len(fed) > 2)
-    stall = "it handles no ticks"
-    with caplog.at_level(logging.ERROR):
-        await eventually(lambda: "no progress (engine: it handles no ticks)" in caplog.text)
-        fed.clear()
-        caplog.clear()
-        await eventually(lambda: caplog.records)
-    assert fed == []
-    stall = ""
-    await eventually(lambda: fed)
-    watchdog.cancel()

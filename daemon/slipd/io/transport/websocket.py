@@ -117,7 +117,6 @@ class WebsocketConnection(FileConnection):
     def __init__(self, address: str, opened: socket.socket, protocol: ClientProtocol, on_bytes: OnBytes) -> None:
         self._protocol = protocol
         self._undelivered = b""
-        self._reading = True
         super().__init__(address, opened, on_bytes)
         self._received_s = self._loop.time()
         self._unanswered = 0
@@ -171,22 +170,14 @@ class WebsocketConnection(FileConnection):
         if self.ended:
             return
         if self._undelivered:
-            self._listen(on=False)
+            self._stop_reading()
             self._next_piece = self._loop.call_soon(self._deliver_piece)
         elif self._protocol.close_rcvd is not None:
             self._fail(f"the server closed it: {self._protocol.close_rcvd}")
         elif self._protocol.parser_exc is not None:
             self._fail(f"the server violates the protocol: {self._protocol.parser_exc}")
         else:
-            self._listen(on=True)
-
-    def _listen(self, *, on: bool) -> None:
-        if on is not self._reading:
-            self._reading = on
-            if on:
-                self._loop.add_reader(self._fd, self._read)
-            else:
-                self._loop.remove_reader(self._fd)
+            self._start_reading()
 
     def _check_alive(self) -> None:
         """Ping a silent server, and end the connection if it does not answer.

@@ -14,8 +14,7 @@ from typing import Self
 from slipd.io.zmtp.connection import Connection, PeerRules
 from slipd.io.zmtp.endpoint import USER_ALONE, Access, bind, greets, is_ready, release, set_tcp_options
 from slipd.io.zmtp.mechanisms import Curve, Null
-from slipd.io.zmtp.peer import Peer
-from slipd.io.zmtp.peer_limits import SHARE, TimeAccount, TimeAccounts
+from slipd.io.zmtp.peer import SHARE, Peer, TimeAccount, TimeAccounts
 from slipd.io.zmtp.wire import ProtocolError
 
 MAX_CONNECTIONS = 256
@@ -138,7 +137,7 @@ class Listener:
             if peer.protocol.waiting and is_ready(peer.fileno, select.POLLOUT)
         }
         stalled = sum(unsent_before.get(peer) == sent for peer, sent in self._unsent.items())
-        return f"messages are not sent to clients that read ({stalled})" if stalled else ""
+        return f"{self.endpoint} does not send to clients that read ({stalled})" if stalled else ""
 
     def _listen(self) -> None:
         if not self._over and not self.full:
@@ -203,7 +202,7 @@ class Listener:
         Returns:
             Whether there is a place.
         """
-        if account.connections >= self._most_of_one:
+        if len(account.slots) >= self._most_of_one:
             oldest = next((peer for peer in self._pending if peer.account is account), None)
         elif len(self.peers) + len(self._pending) >= self._most:
             oldest = next(iter(self._pending), None)
@@ -216,7 +215,7 @@ class Listener:
     def _admit(self, peer: Peer) -> None:
         if peer.protocol.key:
             account = self._accounts.of(peer.protocol.key)
-            if account.connections >= self._most_of_one:
+            if len(account.slots) >= self._most_of_one:
                 raise ProtocolError(_TOO_MANY)
             peer.move(account)
         self.on_ready(peer)

@@ -1,6 +1,9 @@
-"""The socket of one connection: bytes go to the protocol and its messages to the endpoint, within the peer's time.
+"""The socket of one connection, and the time of the event loop that its peer gets.
 
-`slipd.io.zmtp.connection` is the protocol. All work for the peer is charged to its account.
+Bytes go to the protocol (`slipd.io.zmtp.connection`), and its messages to the endpoint. All work for a peer is charged
+to its account, over all of its connections and across reconnects. An account is identified by what a peer cannot
+choose: its key, its process (ipc) or its IP address (TCP without keys). When an account has used up its share, its
+connections wait: their data stays in the kernel, so the senders wait too.
 """
 
 from __future__ import annotations
@@ -8,10 +11,10 @@ from __future__ import annotations
 import asyncio
 import socket
 import time
+from collections import OrderedDict, deque
 from collections.abc import Callable
 
 from slipd.io.zmtp.connection import Connection, Event, Message
-from slipd.io.zmtp.peer_limits import TimeAccount
 from slipd.io.zmtp.wire import ProtocolError
 
 READ_BYTES = 32 * 1024
@@ -19,6 +22,99 @@ READ_BYTES = 32 * 1024
 
 WAKE_S = 0.001
 """Time after which other tasks of the loop run, s."""
+
+
+SHARE = 0.1
+"""Long-term share of the loop time for one account; a client with 50 requests per second needs a hundredth."""
+
+BURST_S = 0.004
+"""Time that an account may use at once, s: about fifty requests."""
+
+MOST_ACCOUNTS = 1024
+"""Accounts remembered; the one disconnected for longest is forgotten first, when its burst is full again."""
+
+
+_TURN_S = 0.0005
+"""Shortest wait, s, so that other tasks of the loop run first."""
+
+
+class TimeAccount:
+    """The loop time of one peer.
+
+    Args:
+        name: Identity that the peer cannot choose.
+        share: Long-term share of the loop time.
+
+    Attributes:
+        name: As above.
+        slots: Numbers of its connections.
+    """
+
+    def __init__(self, name: bytes, share: float = SHARE) -> None:
+        self.name = name
+        self._share = share
+        self._left_s = BURST_S
+        self._counted_s = 0.0
+        self.slots: set[int] = set()
+        self._waiting: deque[Callable[[], None]] = deque()
+        self._timer: asyncio.TimerHandle | None = None
+
+    def enter(self) -> int:
+        """Add a connection and return its slot; slots of closed connections are reused."""
+        slot = next(number for number in range(len(self.slots) + 1) if number not in self.slots)
+        self.slots.add(slot)
+        return slot
+
+    def leave(self, slot: int) -> None:
+        """Remove a connection."""
+        self.slots.discard(slot)
+
+    def has_time(self, now_s: float) -> bool:
+        """Return whether the account has time left now."""
+        self._left_s = min(BURST_S, self._left_s + (now_s - self._counted_s) * self._share)
+        self._counted_s = now_s
+        return self._left_s > 0.0
+
+    def charge(self, took_s: float) -> None:
+        """Charge time to the account, s."""
+        self._left_s -= took_s
+
+    def wait(self, resume: Callable[[], None]) -> None:
+        """Call ``resume`` when the account has time again; waiting callbacks are called in order."""
+        self._waiting.append(resume)
+        if self._timer is None:
+            self._arm()
+
+    def _arm(self) -> None:
+        loop = asyncio.get_running_loop()
+        self._timer = loop.call_later(max(-self._left_s, 0.0) / self._share + _TURN_S, self._turn)
+
+    def _turn(self) -> None:
+        self._timer = None
+        try:
+            while self._waiting and self.has_time(time.monotonic()):
+                self._waiting.popleft()()
+        finally:
+            if self._waiting:
+                self._arm()
+
+
+class TimeAccounts:
+    """The accounts of one endpoint, by name."""
+
+    def __init__(self, share: float = SHARE) -> None:
+        self._share = share
+        self._accounts: OrderedDict[bytes, TimeAccount] = OrderedDict()
+
+    def of(self, name: bytes) -> TimeAccount:
+        """Return the account of a peer; a new one starts with a full burst."""
+        account = self._accounts.pop(name, None) or TimeAccount(name, self._share)
+        self._accounts[name] = account
+        if len(self._accounts) > MOST_ACCOUNTS:
+            gone = next((each for each, found in self._accounts.items() if not found.slots), None)
+            if gone is not None:
+                del self._accounts[gone]
+        return account
 
 
 class Peer:
@@ -62,9 +158,9 @@ class Peer:
         self.protocol, self._messages_per_wake = protocol, messages_per_wake
         self._on_ready, self._on_message, self._on_close = on_ready, on_message, on_close
         self._loop = asyncio.get_running_loop()
-        self._unsent = self._listening = False
+        self._unsent = False
         self._done = True  # no complete frame is left of the last read
-        self._listen(on=True)
+        self._loop.add_reader(self.fileno, self._run)
         self.flush()
 
     def move(self, account: TimeAccount) -> None:
@@ -117,7 +213,7 @@ class Peer:
         if self.closed:
             return
         self.closed, self.reason = True, reason
-        self._listen(on=False)
+        self._loop.remove_reader(self.fileno)
         self._loop.remove_writer(self.fileno)
         self._socket.close()
         self.account.leave(self.slot)
@@ -130,7 +226,7 @@ class Peer:
         begin_s = time.monotonic()
         account = self.account
         if not account.has_time(begin_s):
-            self._listen(on=False)
+            self._loop.remove_reader(self.fileno)
             account.wait(self._run)
             return
         was_done, self._done = self._done, False
@@ -143,19 +239,11 @@ class Peer:
             self.close(str(error))
         finally:
             account.charge(time.monotonic() - begin_s)
-            if not self.closed:
-                self._listen(on=self._done)
-                if not self._done:
-                    self._loop.call_soon(self._run)
-
-    def _listen(self, *, on: bool) -> None:
-        """Let the loop call `_run` when bytes arrive, or not."""
-        if on is not self._listening:
-            self._listening = on
-            if on:
+            if not self.closed and self._done:
                 self._loop.add_reader(self.fileno, self._run)
-            else:
+            elif not self.closed:
                 self._loop.remove_reader(self.fileno)
+                self._loop.call_soon(self._run)
 
     def _receive(self) -> None:
         try:

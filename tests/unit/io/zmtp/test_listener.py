@@ -239,7 +239,7 @@ async def test_P2_messages_that_wait_are_a_stall_only_if_the_client_reads_and_no
         assert peer.protocol.waiting
         loop.remove_writer(peer.fileno)
         read(client)
-        stalled = "messages are not sent to clients that read (1)"
+        stalled = f"{endpoint} does not send to clients that read (1)"
         assert [await listener.stall(PATIENCE_S) for _ in range(2)] == ["", stalled]
         loop.add_writer(peer.fileno, peer.flush)
         sent_bytes = peer.sent_bytes

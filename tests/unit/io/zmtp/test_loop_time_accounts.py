@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from loop_waits import eventually
 
-from slipd.io.zmtp.peer_limits import BURST_S, MOST_ACCOUNTS, TimeAccount, TimeAccounts
+from slipd.io.zmtp.peer import BURST_S, MOST_ACCOUNTS, TimeAccount, TimeAccounts
 
 SHARE = 0.25
 
@@ -57,7 +57,7 @@ def test_a_connection_takes_the_place_of_one_that_is_gone() -> None:
     account = TimeAccount(b"a")
     assert [account.enter() for _ in range(3)] == [0, 1, 2]
     account.leave(1)
-    assert account.connections == 2
+    assert len(account.slots) == 2
     assert [account.enter(), account.enter()] == [1, 3]
 
 

@@ -13,8 +13,7 @@ from zeromq_peers import Clients, Plain, introduction, read
 
 from slipd.io.zmtp.connection import PeerRules
 from slipd.io.zmtp.listener import Listener
-from slipd.io.zmtp.peer import Peer
-from slipd.io.zmtp.peer_limits import TimeAccount, TimeAccounts
+from slipd.io.zmtp.peer import Peer, TimeAccount, TimeAccounts
 from slipd.io.zmtp.wire import COMMAND, encode_command, encode_frame
 
 pytestmark = pytest.mark.usefixtures("loop_faults")

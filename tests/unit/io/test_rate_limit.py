@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slipd.io.zmtp.peer_limits import MAX_CLIENTS, RateLimit
+from slipd.io.rate_limit import MOST_KEYS, RateLimit
 
 SECOND = 1_000_000_000
 PERIOD = SECOND // 50
@@ -39,7 +39,7 @@ def test_no_pattern_passes_more_than_the_rate_and_one_burst(gaps: list[int]) -> 
 def test_the_number_of_remembered_clients_is_bounded() -> None:
     limit = RateLimit(1.0)
     assert limit.allows(b"a", 0)
-    for number in range(MAX_CLIENTS * 3):
+    for number in range(MOST_KEYS * 3):
         assert limit.allows(b"%d" % number, 1)
         assert not limit.allows(b"a", 1)  # who asks on is not forgotten
-    assert len(limit._buckets) == MAX_CLIENTS
+    assert len(limit._buckets) == MOST_KEYS
