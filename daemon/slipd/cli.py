@@ -1,7 +1,7 @@
 """The command ``slipd``: runs the command that was typed, and turns its end into an exit code.
 
-What carries a command out is imported then; it returns False where the answer is no, for example where a recording is
-damaged.
+The module of a command is imported only when it runs. A command returns False where the answer is no, for example where
+a recording is damaged.
 """
 
 from __future__ import annotations

@@ -20,8 +20,8 @@ from slipd_client.terminal import INTERRUPTED
 PURPOSE = "compiling kernels, once"
 
 COLLECT_EVERY = 50_000
-"""The garbage collector looks each time that so many more objects exist: it finds next to nothing in what the compiler
-makes, and at Python's own threshold takes a fifteenth of the time."""
+"""New objects between two runs of the garbage collector: the compiler leaves next to nothing to collect, and at the
+default threshold of Python the collector takes a fifteenth of the time."""
 
 
 def compile_kernels() -> None:
@@ -38,7 +38,7 @@ def compile_kernels() -> None:
                 warm_up()
         finally:
             gc.set_threshold(*collections)
-            shown.end()
+            shown.progress.erase()
 
 
 @contextlib.contextmanager
@@ -95,7 +95,7 @@ class _Compilation(event.Listener):
 
     def __init__(self) -> None:
         self._ready: set[str] = set()
-        self._progress = Progress(lambda done, of: f"{PURPOSE}: {done} of {of}")
+        self.progress = Progress(lambda done, of: f"{PURPOSE}: {done} of {of}")
         self._announced = False
 
     def on_start(self, _: Any) -> None:
@@ -103,7 +103,7 @@ class _Compilation(event.Listener):
         if self._announced:
             return
         self._announced = True
-        self._progress.show(0, len(KERNELS) + len(PARTS))
+        self.progress.show(0, len(KERNELS) + len(PARTS))
         if not sys.stderr.isatty():
             print(f"{PURPOSE} (about a minute)", file=sys.stderr, flush=True)
 
@@ -112,11 +112,7 @@ class _Compilation(event.Listener):
         function = compiled.data["dispatcher"].py_func
         if function.__module__.partition(".")[0] == "slipd":  # and not a function of NumPy that a kernel calls
             self._ready.add(f"{function.__module__}.{function.__qualname__}")
-        self._progress.show(len(self._ready), len(KERNELS) + len(PARTS))
-
-    def end(self) -> None:
-        """Erase the line."""
-        self._progress.erase()
+        self.progress.show(len(self._ready), len(KERNELS) + len(PARTS))
 
 
 def main() -> int:

@@ -123,7 +123,7 @@ class IncidentsChanged:
 
 @dataclass(slots=True, frozen=True)
 class HostNotice:
-    """What the host knows of the daemon, and people should: shown in ``status`` until the same topic changes.
+    """A problem of the host that people should know; ``status`` shows it until the next notice of its topic.
 
     Attributes:
         topic: "config": a faulty file was not reloaded; "realtime": the priority is not permitted; "state": what the

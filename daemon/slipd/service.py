@@ -148,7 +148,7 @@ async def _report_losses(links: Links) -> None:
             for name, lost in links.losses.items():
                 if lost != reported.get(name, (0, 0)):
                     _log.warning(
-                        "%s: %d writes dropped, %d datagrams lost before they were read so far",
+                        "%s: %d commands not sent (line down, or not read), %d datagrams lost so far",
                         name,
                         *lost,
                         extra={"slipd_stream": name},

@@ -45,7 +45,7 @@ class Endpoints:
 
 
 class ServiceRun:
-    """One run, from its claims on resources to its end.
+    """One run of the daemon. Entering claims its resources, `open` serves its endpoints, and leaving releases them.
 
     Args:
         config: The rig.

@@ -6,13 +6,11 @@ has the range of each quantity.
 """
 
 from slipd.config.check_hints import hints
-from slipd.config.checks import missing_keys
 from slipd.config.config_file import load, parse
 from slipd.config.model import (
     Arm,
     Config,
     Grasp,
-    GraspMotion,
     Gripper,
     ObservedObject,
     PadPlace,
@@ -29,13 +27,8 @@ from slipd.config.service_tables import (
     Incidents,
     Levels,
     Rates,
-    Realtime,
-    Recording,
-    Requests,
-    Restart,
 )
-from slipd.config.stream_checks import address_fault
-from slipd.config.stream_tables import Finger, Pad, Pose, Slip, Stream, Wrench
+from slipd.config.stream_tables import Finger, Pad, Slip, Stream, Wrench
 
 __all__ = [
     "Arm",
@@ -44,30 +37,22 @@ __all__ = [
     "Continuous",
     "Finger",
     "Grasp",
-    "GraspMotion",
     "Gripper",
     "Incidents",
     "Levels",
     "ObservedObject",
     "Pad",
     "PadPlace",
-    "Pose",
     "Rates",
-    "Realtime",
-    "Recording",
     "Reflex",
-    "Requests",
-    "Restart",
     "Slip",
     "Stream",
     "Wrench",
-    "address_fault",
     "axes_of",
     "device_options",
     "hints",
     "in_newtons",
     "load",
-    "missing_keys",
     "parse",
     "stale_after_ns",
     "transport_of",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 import os
 import re
 from collections.abc import Iterator, Sequence
@@ -15,7 +14,7 @@ from slipd.config.stream_checks import finger_faults, stream_faults
 from slipd.config.stream_tables import Stream, Table
 from slipd.config.value_bounds import GRIP, MARGIN, PLACE, SPEED, WIDTH, Fault, table_fault
 from slipd.devices import DEVICES, GripRange
-from slipd_client.quaternions import Vector, rotated
+from slipd_client.quaternions import rotated
 
 _FINGER_NAME = re.compile(r"[a-z0-9]{1,32}")
 _PORT_KEYS = ("options", "baud", "hardware_id")
@@ -220,16 +219,11 @@ def grasp_faults(config: Config) -> Iterator[Fault]:
 
 def _facing(config: Grasp) -> Iterator[Fault]:
     """Find pads that do not face each other; their grip forces would look like an external push."""
-    first, second = (_outward(place.quat_xyzw) for place in config.pads.values())
+    first, second = (rotated(place.quat_xyzw, (0.0, 0.0, 1.0)) for place in config.pads.values())
     if sum(a * b for a, b in zip(first, second, strict=True)) > FACING:
         one, other = config.pads
         rule = f"must turn the Z axis of the pad towards that of {one}, because the pads face each other"
         yield f"grasp.pads.{other}.quat_xyzw", f"{rule}: is it x, y, z, w?"
-
-
-def _outward(quat_xyzw: list[float]) -> Vector:
-    """Return the Z axis of a pad in the gripper frame."""
-    return rotated([part / math.hypot(*quat_xyzw) for part in quat_xyzw], (0.0, 0.0, 1.0))
 
 
 def reflex_faults(config: Config) -> Iterator[Fault]:

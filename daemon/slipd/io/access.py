@@ -8,17 +8,16 @@ from __future__ import annotations
 
 import fcntl
 import grp
-import logging
 import os
 import stat
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from types import TracebackType
 
 from zmq.utils import z85
 
-from slipd.config import Bus, missing_keys
+from slipd.config import Bus
+from slipd.config.checks import missing_keys
 from slipd.errors import LinkError
 from slipd.io.zmtp.endpoint import Access
 from slipd_client.keys import KeyFileError, load_allowed, load_secret
@@ -33,22 +32,6 @@ GROUP = "slipd"
 may."""
 
 ANOTHER = "name another directory with SLIPD_RUNTIME_DIR"
-
-_log = logging.getLogger(__name__)
-
-
-def admits(endpoint: str, keys: frozenset[bytes], key: bytes) -> bool:
-    """Return whether a key is one of those that may connect to an endpoint; a refusal is logged.
-
-    Args:
-        endpoint: Name of the endpoint, for the log.
-        keys: The keys, 40 letters of Z85 each.
-        key: The key.
-    """
-    allowed = key in keys
-    if not allowed:
-        _log.warning("%s: key %s is not allowed and was refused", endpoint, key.decode())
-    return allowed
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,14 +65,11 @@ def guard(bus: Bus) -> Guard:
         requesters = None if bus.requesters is None else load_allowed(bus.requesters)
     except KeyFileError as error:
         raise LinkError(str(error)) from error
-    requests = None if requesters is None else requesters | (readers or frozenset())
-    return Guard(_access(bus, "publish", secret, readers), _access(bus, "requests", secret, requests), requesters)
-
-
-def _access(bus: Bus, endpoint: str, secret: bytes | None, keys: frozenset[bytes] | None) -> Access:
-    if keys is None:
-        return Access(local_tcp=bus.allow_local_tcp)
-    return Access(secret, partial(admits, endpoint, keys), bus.allow_local_tcp)
+    lists = (readers, None if requesters is None else requesters | (readers or frozenset()))
+    publish, requests = (
+        Access(bus.allow_local_tcp) if keys is None else Access(bus.allow_local_tcp, secret, keys) for keys in lists
+    )
+    return Guard(publish, requests, requesters)
 
 
 class RuntimeDirectory:

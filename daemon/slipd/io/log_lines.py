@@ -18,7 +18,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from logging.handlers import RotatingFileHandler
+from logging.handlers import RotatingFileHandler, SysLogHandler
 from pathlib import Path
 from types import TracebackType
 from typing import Any, TextIO
@@ -42,9 +42,6 @@ JOURNAL = "/run/systemd/journal/socket"
 
 _FIELDS = ("slipd_fault", "slipd_stream", "slipd_recording")
 """Keys of ``extra``; the fields have the same names in upper case."""
-
-_PRIORITIES = (logging.CRITICAL, 2), (logging.ERROR, 3), (logging.WARNING, 4), (logging.INFO, 6)
-_DEBUG = 7
 
 _log = logging.getLogger(__name__)
 
@@ -138,14 +135,12 @@ class JournalHandler(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         """Send a record."""
         try:
-            text = self.format(record)
-        except Exception:
-            self.handleError(record)
-            return
-        try:
-            self._socket.sendto(b"".join(_field(*field) for field in _fields(record, text).items()), self._address)
+            fields = _fields(record, self.format(record))
+            self._socket.sendto(b"".join(_field(*field) for field in fields.items()), self._address)
         except OSError:
             self._fallback.handle(record)
+        except Exception:
+            self.handleError(record)
 
     def close(self) -> None:
         """Close the socket."""
@@ -157,7 +152,7 @@ def _fields(record: logging.LogRecord, text: str) -> dict[str, str]:
     """Return the fields of an entry."""
     fields = {
         "MESSAGE": text,
-        "PRIORITY": str(_priority(record.levelno)),
+        "PRIORITY": str(_priority(record)),
         "SYSLOG_IDENTIFIER": "slipd",
         "LOGGER": record.name,
         "CODE_FILE": record.pathname,
@@ -182,13 +177,13 @@ class PriorityFormatter(LogFormatter):
 
     def format(self, record: logging.LogRecord) -> str:
         """Return the lines of a record; those of a traceback are lines of their own."""
-        mark = f"<{_priority(record.levelno)}>"
+        mark = f"<{_priority(record)}>"
         return "\n".join(mark + line for line in super().format(record).splitlines())
 
 
-def _priority(level: int) -> int:
-    """Return the priority of syslog for a level."""
-    return next((priority for least, priority in _PRIORITIES if level >= least), _DEBUG)
+def _priority(record: logging.LogRecord) -> int:
+    """Return the priority of a record, as syslog numbers it."""
+    return SysLogHandler.priority_names[SysLogHandler.priority_map.get(record.levelname, "debug")]
 
 
 def is_journal(stream: TextIO, environment: Mapping[str, str]) -> bool:

@@ -1,4 +1,4 @@
-"""Replace a text file at once: a reader, or a loss of power, finds the old text or the new one, never a part."""
+"""Replace a text file atomically: a reader, or a loss of power, finds the old text or the new one, never a part."""
 
 from __future__ import annotations
 

@@ -21,20 +21,16 @@ class Links:
 
     Args:
         tasks: Owner of the tasks. An exception of ``on_event`` ends the task of the link and so reaches the group.
-        specs: The links.
+        specs: The links, whose names differ.
         on_event: Called with LinkUp, Bytes and LinkDown of every link, in the callback that read the bytes.
 
     Raises:
-        ValueError: Two links have the same name, or a transport is unknown.
+        ValueError: A transport is unknown.
     """
 
     def __init__(self, tasks: asyncio.TaskGroup, specs: Iterable[LinkSpec], on_event: Callable[[Event], None]) -> None:
         self._group = tasks
-        self._links: dict[str, Link] = {}
-        for spec in specs:
-            if spec.name in self._links:
-                raise ValueError(f"link names must differ, got {spec.name!r} twice")
-            self._links[spec.name] = _link(spec, on_event)
+        self._links = {spec.name: _link(spec, on_event) for spec in specs}
         self._tasks: list[asyncio.Task[None]] = []
 
     @property
@@ -51,12 +47,7 @@ class Links:
 
         Returns:
             Whether they were sent. Nothing is queued for a link that is down or a device that does not read.
-
-        Raises:
-            ValueError: There is no such link.
         """
-        if link not in self._links:
-            raise ValueError(f"link must be one of {', '.join(self._links) or 'none'}, got {link!r}")
         return self._links[link].write(data)
 
     async def __aenter__(self) -> Links:

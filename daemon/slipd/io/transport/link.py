@@ -85,7 +85,6 @@ class Link:
         self._reported = ""
         self._latency = ""
         self._logged: deque[str] = deque(maxlen=LINES_HELD)
-        self._device_reads = True
         self._delay_s = FIRST_DELAY_S
         self._pieces = 0  # delivered by the newest connection
         self._looked: tuple[int, bool] = 0, False
@@ -123,16 +122,8 @@ class Link:
 
     def write(self, data: bytes) -> bool:
         """Send bytes at once or not at all, as a late command is worse than none; return whether they were sent."""
-        if self._connection is None:
-            self.refused_writes += 1
-            return False
-        sent = self._connection.write(data)
-        if not sent:
-            self.refused_writes += 1
-            if self._device_reads:
-                line = "%s (%s) does not read: a command was dropped"
-                _log.warning(line, self._spec.name, self._spec.address, extra={"slipd_stream": self._spec.name})
-        self._device_reads = sent
+        sent = self._connection is not None and self._connection.write(data)
+        self.refused_writes += not sent
         return sent
 
     async def _pause(self, seen: object) -> None:
@@ -158,7 +149,7 @@ class Link:
 
     async def _serve(self, connection: Connection, answer: bytes) -> str:
         self._connection = connection
-        self._device_reads, self._pieces = True, 0
+        self._pieces = 0
         opened_s = time.monotonic()
         self._reported = ""
         self._log_once(logging.INFO, f"open ({connection.identity})")

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from io import RawIOBase
 from urllib.parse import urlsplit
 
-from slipd.config import address_fault
+from slipd.config.stream_checks import address_fault
 from slipd.errors import LinkError
 from slipd.io.zmtp.endpoint import is_ready
 

@@ -8,7 +8,6 @@ import os
 import select
 import socket
 import stat
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -37,14 +36,14 @@ class Access:
     """Who may connect.
 
     Attributes:
-        secret: Secret key of the daemon, 32 bytes; None: no key is needed, for ipc endpoints.
-        admits: Returns whether a key (40 letters of Z85) may connect.
         local_tcp: Serve a TCP port of this machine without keys; all users of the machine can connect.
+        secret: Secret key of the daemon, 32 bytes; None: no key is needed, for ipc endpoints.
+        keys: The keys that may connect, 40 letters of Z85 each.
     """
 
-    secret: bytes | None = field(default=None, repr=False)
-    admits: Callable[[bytes], bool] = field(default=lambda _: False, repr=False)
     local_tcp: bool = False
+    secret: bytes | None = field(default=None, repr=False)
+    keys: frozenset[bytes] = frozenset()
 
 
 USER_ALONE = Access()

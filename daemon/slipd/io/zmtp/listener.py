@@ -185,7 +185,7 @@ class Listener:
             self._log_end(name, _TOO_MANY)
             return
         kind, secret = self._rules.kind, self._access.secret
-        mechanism = Null(kind) if secret is None else Curve(kind, secret, self._access.admits)
+        mechanism = Null(kind) if secret is None else Curve(kind, secret, self._access.keys)
         protocol, wake = Connection(mechanism, self._rules), self._rules.messages_per_wake
         peer = Peer(connection, name, account, protocol, wake, self._admit, self.on_message, self._forget)
         if not peer.closed:

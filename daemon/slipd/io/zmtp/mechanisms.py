@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import secrets
 import struct
-from collections.abc import Callable
+from collections.abc import Container
 
 from nacl import bindings as sodium
 from nacl.exceptions import CryptoError
@@ -97,15 +97,15 @@ class Curve(Null):
     Args:
         socket_type: Socket type of this side, as ZeroMQ names it.
         secret: Secret key of the daemon, 32 bytes.
-        admits: Returns whether a key (40 letters of Z85) may connect.
+        keys: The keys that may connect, 40 letters of Z85 each.
     """
 
     name = b"CURVE"
 
-    def __init__(self, socket_type: bytes, secret: bytes, admits: Callable[[bytes], bool]) -> None:
+    def __init__(self, socket_type: bytes, secret: bytes, keys: Container[bytes]) -> None:
         super().__init__(socket_type)
         self._secret, self._public = secret, sodium.crypto_scalarmult_base(secret)
-        self._admits = admits
+        self._keys = keys
         self._client = self._short_secret = b""  # short-term keys: public of the peer, secret of this side
         self._cookie = b""
         self._shared = b""
@@ -174,7 +174,7 @@ class Curve(Null):
         if vouched != self._client + self._public:
             raise ProtocolError("the key of the peer does not vouch for this connection")
         key = z85.encode(client)
-        if not self._admits(key):
+        if key not in self._keys:
             raise KeyRefusedError(f"key {key.decode()} is not allowed")
         self.properties = decode_metadata(plain[_INITIATE_BYTES:])
         self.key = key

@@ -12,7 +12,7 @@ from slipd.errors import LinkError
 from slipd.io.zmtp.endpoint import MAX_IPC_PATH_BYTES, Access, bind, check_free, release
 
 SECRET = bytes(range(32))
-KEYS, ANYBODY_HERE = Access(SECRET, local_tcp=True), Access(local_tcp=True)
+KEYS, ANYBODY_HERE = Access(local_tcp=True, secret=SECRET), Access(local_tcp=True)
 
 
 @pytest.mark.parametrize(
@@ -55,7 +55,12 @@ def test_a_directory_that_others_may_change_is_refused_unless_it_is_sticky(
 
 @pytest.mark.parametrize(
     ("host", "access"),
-    [("127.0.0.1", ANYBODY_HERE), ("127.8.8.8", ANYBODY_HERE), ("localhost", ANYBODY_HERE), ("*", Access(SECRET))],
+    [
+        ("127.0.0.1", ANYBODY_HERE),
+        ("127.8.8.8", ANYBODY_HERE),
+        ("localhost", ANYBODY_HERE),
+        ("*", Access(secret=SECRET)),
+    ],
 )
 def test_a_free_port_is_chosen_and_returned(host: str, access: Access) -> None:
     check_free(f"tcp://{host}:*", access)

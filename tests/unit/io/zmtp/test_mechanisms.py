@@ -82,7 +82,7 @@ class Client:
 
 @pytest.fixture
 def server() -> Curve:
-    return Curve(b"XPUB", SERVER[1], lambda asked: asked == z85.encode(CLIENT[0]))
+    return Curve(b"XPUB", SERVER[1], {z85.encode(CLIENT[0])})
 
 
 @pytest.fixture
