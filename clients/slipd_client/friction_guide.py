@@ -11,19 +11,17 @@ import json
 import sys
 import time
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Optional
+from typing import Optional
 
 from slipd_client.errors import ClientError, FrictionNotMeasured, RequestRefused
 from slipd_client.friction_pull import PullSample
 from slipd_client.friction_session import OBSTACLE_S, FrictionSession, config_lines, low_estimate, median_of, spread
 from slipd_client.grip import GripClient
+from slipd_client.keys import Keys
 from slipd_client.messages import Health, slip_topic
 from slipd_client.messages.schema.replies import StatusReply
 from slipd_client.messages.schema.topics import Slip
 from slipd_client.subscriber import Subscriber
-
-if TYPE_CHECKING:
-    from slipd_client.keys import Keys
 
 LISTEN_S = 0.2
 

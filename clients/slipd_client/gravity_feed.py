@@ -12,15 +12,12 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from slipd_client.errors import CallError, RequestRefused
 from slipd_client.grip import GripClient
+from slipd_client.keys import Keys
 from slipd_client.messages.schema.replies import GravityReply
 from slipd_client.quaternions import STANDARD_DOWN, conjugate, rotated
-
-if TYPE_CHECKING:
-    from slipd_client.keys import Keys
 
 PERIOD_S = 0.1
 """Time between two requests, s: an orientation is valid for 0.25 s, and a client may send 50 requests per second."""

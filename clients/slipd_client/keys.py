@@ -5,8 +5,6 @@ ZeroMQ's own writer leaves the secret key readable by every user under the usual
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import re
 import stat
@@ -208,17 +206,3 @@ def _check_own(path: Path, found: os.stat_result) -> None:
             f"{path}: others must not write to it, and could allow keys (mode {stat.S_IMODE(found.st_mode):04o}); run "
             "chmod go-w on it"
         )
-
-
-def run(chosen: argparse.Namespace) -> None:
-    """Run ``slipctl keys new`` and print the paths of the keys. It needs no daemon.
-
-    Raises:
-        KeyFileError: A key file cannot be used or created; the text says why.
-    """
-    public, secret = create(chosen.name, chosen.dir)
-    if chosen.json:
-        print(json.dumps({"public_file": str(public), "secret_file": str(secret)}))
-        return
-    print(f"{public}: public key, for the list of keys that the other side allows")
-    print(f"{secret}: secret key, for this user alone")

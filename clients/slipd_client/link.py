@@ -7,15 +7,13 @@ import math
 import time
 from collections.abc import Coroutine, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import zmq
 
 from slipd_client.errors import CallError, ConnectionClosed
+from slipd_client.keys import Keys
 from slipd_client.paths import claim_socket
-
-if TYPE_CHECKING:
-    from slipd_client.keys import Keys
 
 KEEPALIVE: dict[int, int] = {
     zmq.TCP_KEEPALIVE: 1,

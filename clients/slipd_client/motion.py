@@ -6,20 +6,18 @@ What is not known is None, or the floor that the caller states. It is never full
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from slipd_client.client_base import GripClientBase
 from slipd_client.errors import CallError
 from slipd_client.grip import GripClient
+from slipd_client.keys import Keys
 from slipd_client.messages import MOTION_TOPIC
 from slipd_client.messages.schema.replies import MotionReply
 from slipd_client.messages.schema.topics import Motion
 from slipd_client.quaternions import STANDARD_DOWN, conjugate, plus, rotated
 from slipd_client.request_protocol import TIMEOUT_S
 from slipd_client.subscriber import Subscriber
-
-if TYPE_CHECKING:
-    from slipd_client.keys import Keys
 
 STALE_S = 0.35
 """Age at which advice no longer counts, s: the daemon publishes it at 10 Hz, so that two messages may be late."""

@@ -13,12 +13,13 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import zmq
 
 from slipd_client.clock import ServerClock
 from slipd_client.errors import CallError, MessageError, NoAnswer, RequestRefused, TareGivenUp, check_seconds
+from slipd_client.keys import Keys
 from slipd_client.lease_keeper import LeaseKeeper
 from slipd_client.link import Link, Steps
 from slipd_client.messages import MESSAGE_LIMITS, PROTOCOL_VERSION, TARE_REASONS, decode, encode, request_limits
@@ -26,9 +27,6 @@ from slipd_client.messages.schema.ops import OPS
 from slipd_client.messages.schema.replies import HelloReply, Reply, TareBegun, TareReply, TareResult, typed_reply
 from slipd_client.messages.schema.request_fields import TARE_S
 from slipd_client.paths import hint_for, requests_endpoint
-
-if TYPE_CHECKING:
-    from slipd_client.keys import Keys
 
 TIMEOUT_S = 1.0
 """Twice the longest deadline that a daemon accepts: no reply after that can mean that the request is still pending."""

@@ -93,10 +93,8 @@ def _carry_out(chosen: argparse.Namespace) -> None:
     command: str = chosen.command
     if chosen.version:
         print(f"slipctl {version()}")
-    elif command.startswith("keys "):
-        from slipd_client import keys
-
-        keys.run(chosen)
+    elif command == "keys new":
+        _new_keys(chosen)
     elif command in PROGRAMS:
         needed, package, name = PROGRAMS[command]
         if needed:
@@ -141,6 +139,18 @@ def _keys(chosen: argparse.Namespace) -> Keys | None:
     from slipd_client import keys
 
     return keys.load(chosen.key, chosen.server_key)
+
+
+def _new_keys(chosen: argparse.Namespace) -> None:
+    """Create a pair of keys, and print the paths; it needs no daemon."""
+    from slipd_client import keys
+
+    public, secret = keys.create(chosen.name, chosen.dir)
+    if chosen.json:
+        print(json.dumps({"public_file": str(public), "secret_file": str(secret)}))
+        return
+    print(f"{public}: public key, for the list of keys that the other side allows")
+    print(f"{secret}: secret key, for this user alone")
 
 
 def _print_reply(reply: dict[str, object], *, as_json: bool) -> None:

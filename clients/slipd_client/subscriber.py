@@ -7,20 +7,17 @@ import math
 import re
 import time
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
 
 import zmq
 
 from slipd_client.errors import CallError, MessageError, Silence, check_seconds
+from slipd_client.keys import Keys
 from slipd_client.lease_keeper import check_held, held_until
 from slipd_client.link import Blocking, Link
 from slipd_client.messages import STATUS_TOPIC
 from slipd_client.messages.codec import RunOrder, read
 from slipd_client.messages.schema.topics import TOPICS, TOPICS_OF_FINGERS, Message
 from slipd_client.paths import hint_for, publish_endpoint
-
-if TYPE_CHECKING:
-    from slipd_client.keys import Keys
 
 __all__ = ["Message", "Subscriber", "SubscriberBase"]
 

@@ -9,9 +9,9 @@ import json
 import sys
 import textwrap
 import time
-from typing import TYPE_CHECKING
 
 from slipd_client.errors import Silence
+from slipd_client.keys import Keys
 from slipd_client.live_view import LiveView, change_line
 from slipd_client.live_view_parts import plain
 from slipd_client.messages import GRIPPER_TOPIC, STATUS_TOPIC, WARNING_TOPIC
@@ -19,9 +19,6 @@ from slipd_client.messages.schema.replies import StatusReply
 from slipd_client.repairs import DOCUMENT, Repair, repairs
 from slipd_client.subscriber import Message, Subscriber
 from slipd_client.terminal import UNCUT, TerminalScreen, is_screen, size_of, terminal_of
-
-if TYPE_CHECKING:
-    from slipd_client.keys import Keys
 
 TOPICS = ("slip", GRIPPER_TOPIC, WARNING_TOPIC, STATUS_TOPIC)
 """What people are shown."""

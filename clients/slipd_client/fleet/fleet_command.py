@@ -11,11 +11,13 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from slipd_client.arguments import ListenAddress
 from slipd_client.errors import require
 from slipd_client.fleet.fleet_network import FleetListener, Reach, configuration, described, opened
 from slipd_client.fleet.fleet_state import CLASH, GONE, LIVE, PUBLISHING, RobotRow
+from slipd_client.keys import Keys
 from slipd_client.live_view_parts import HEALTH_COLOURS, LEVEL_COLOURS, UNKNOWN, clock_time, plain
 from slipd_client.messages.names import SEVERITY
 from slipd_client.terminal import (
@@ -28,10 +30,6 @@ from slipd_client.terminal import (
     size_of,
     terminal_of,
 )
-
-if TYPE_CHECKING:
-    from slipd_client.arguments import ListenAddress
-    from slipd_client.keys import Keys
 
 NAME_CELLS = 16
 

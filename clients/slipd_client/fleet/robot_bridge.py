@@ -14,7 +14,6 @@ import contextlib
 import sys
 import threading
 import time
-from typing import TYPE_CHECKING
 
 import zenoh
 import zmq
@@ -23,13 +22,11 @@ from zenoh.ext import AdvancedPublisher, CacheConfig, MissDetectionConfig, decla
 from slipd_client.errors import CallError, ConnectionClosed
 from slipd_client.fleet.fleet_network import Reach, configuration, described, message_key, opened
 from slipd_client.fleet.fleet_state import BRIDGE, DAEMON
+from slipd_client.keys import Keys
 from slipd_client.link import Link
 from slipd_client.messages.names import STATUS_TOPIC, WARNING_TOPIC
 from slipd_client.paths import hint_for, publish_endpoint
 from slipd_client.topic_limit import TopicLimit
-
-if TYPE_CHECKING:
-    from slipd_client.keys import Keys
 
 KEPT_WARNINGS = 200
 """Warnings that are kept for subscribers that missed them, and for late ones: minutes of a bad grasp, and 40 kB."""

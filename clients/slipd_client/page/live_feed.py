@@ -11,21 +11,18 @@ import json
 import time
 from collections import deque
 from collections.abc import Coroutine, Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import zmq
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
 from slipd_client.errors import MessageError
+from slipd_client.keys import Keys
 from slipd_client.link import Link
 from slipd_client.messages import WARNING_TOPIC
 from slipd_client.messages.codec import read
-from slipd_client.page.requests_of_page import PageRequests, Reply, refused
-
-if TYPE_CHECKING:
-    from slipd_client.keys import Keys
-    from slipd_client.page.requests_of_page import EmulatedHand
+from slipd_client.page.requests_of_page import EmulatedHand, PageRequests, Reply, refused
 
 CHANGES = 200
 """Changes of level that are kept for a browser that is late, or comes later."""

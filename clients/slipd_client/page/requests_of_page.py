@@ -11,16 +11,14 @@ import asyncio
 import json
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import Any, TypedDict
 
 from websockets.asyncio.server import ServerConnection
 
 from slipd_client.aio import AsyncGripClient
 from slipd_client.errors import RequestRefused, SlipdClientError
 from slipd_client.grip import GripClient
-
-if TYPE_CHECKING:
-    from slipd_client.keys import Keys
+from slipd_client.keys import Keys
 
 SOCKET = "hand"
 """Name of the socket in the folder of an emulation."""

@@ -14,20 +14,18 @@ import json
 import sys
 from collections.abc import AsyncIterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
 from slipd_client.arguments import ListenAddress
 from slipd_client.errors import CallError
+from slipd_client.keys import Keys
 from slipd_client.page.live_feed import LiveFeed
 from slipd_client.page.page_server import PageServer
 from slipd_client.page.requests_of_page import ADJUST_N, EmulatedHand, PageRequests
 from slipd_client.paths import publish_endpoint
-
-if TYPE_CHECKING:
-    from slipd_client.keys import Keys
 
 LONGEST_WORD = 100
 """Longest answer of a person."""

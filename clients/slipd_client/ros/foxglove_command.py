@@ -12,11 +12,13 @@ import threading
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import foxglove
 
+from slipd_client.arguments import ListenAddress
 from slipd_client.errors import CallError, Silence
+from slipd_client.keys import Keys
 from slipd_client.ros import layouts
 from slipd_client.ros.conversion import (
     DIAGNOSTICS_TOPIC,
@@ -32,10 +34,6 @@ from slipd_client.ros.layouts import Levels
 from slipd_client.ros.slipd_types import time_of
 from slipd_client.serving import follow, pads_of, read_config
 from slipd_client.subscriber import Subscriber
-
-if TYPE_CHECKING:
-    from slipd_client.arguments import ListenAddress
-    from slipd_client.keys import Keys
 
 NAME = "slipd"
 _SILENCE = "silence"

@@ -9,13 +9,14 @@ import os
 import sys
 import time
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cyclonedds.domain import DomainParticipant
 
 from slipd_client.errors import CallError, Silence
 from slipd_client.gravity_feed import UNIT_TOLERANCE
 from slipd_client.grip import GripClient
+from slipd_client.keys import Keys
 from slipd_client.messages.names import Health
 from slipd_client.motion import MotionAdvisor
 from slipd_client.quaternions import IDENTITY
@@ -39,9 +40,6 @@ from slipd_client.ros2.motion_advice import PLAN, PlanCheck, SpeedScaling
 from slipd_client.serving import follow, pads_of, read_config
 from slipd_client.subscriber import Subscriber
 from slipd_client.topic_limit import TopicLimit
-
-if TYPE_CHECKING:
-    from slipd_client.keys import Keys
 
 
 class RosForwarder:
