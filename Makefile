@@ -36,7 +36,7 @@ LONG := $(addprefix benchmarks/,evaluate/test_calm.py evaluate/test_offline_gras
 PYTEST := $(BIN)/pytest --quiet --numprocesses=2 --dist loadfile --no-loadscope-reorder
 # `make check` alone tests fleets, ROS 2, viewers, simulated scenes, kernels that are not compiled or not warmed up, how
 # much a decoder calls, what guides a person, and what draws, imports and exports recordings.
-LATER := $(addprefix tests/unit/,client/fleet/test_bridge.py client/fleet/test_fleet_command.py client/ros client/ros2 \
+LATER := $(addprefix tests/unit/,client/fleet/test_bridge.py client/fleet/test_fleet_command.py client/ros \
 	client/test_viewers.py devices/test_bounded_work.py engine/test_warm_up.py fusion/test_compiled.py \
 	tools/commission tools/discovery tools/evaluation tools/export tools/plot tools/recordings tools/sim \
 	tools/test_carry_story.py tools/test_faulty_recordings.py)

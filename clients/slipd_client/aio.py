@@ -13,8 +13,8 @@ import zmq
 from slipd_client.client_base import GripClientBase
 from slipd_client.lease_keeper import LEASE_MS, LeaseKeeper
 from slipd_client.link import Link, Steps
-from slipd_client.messages.schema.replies import MotionReply
-from slipd_client.messages.schema.topics import Message
+from slipd_client.messages.replies import MotionReply
+from slipd_client.messages.topics import Message
 from slipd_client.motion import MotionAdvisorBase
 from slipd_client.subscriber import SubscriberBase
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, TypeVar,
 from slipd_client.errors import CallError, ClientError, LeaseInUse, RequestRefused
 from slipd_client.lease_keeper import ONE_CLIENT_EACH, LeaseKeeper
 from slipd_client.link import Steps
-from slipd_client.messages.schema.replies import (
+from slipd_client.messages.replies import (
     FaultReply,
     FrictionReply,
     GravityReply,
@@ -30,7 +30,7 @@ from slipd_client.messages.schema.replies import (
     TareReply,
     TareResult,
 )
-from slipd_client.messages.schema.request_fields import TARE_S
+from slipd_client.messages.request_fields import TARE_S
 from slipd_client.request_protocol import Ask, RequestProtocol
 
 if TYPE_CHECKING:

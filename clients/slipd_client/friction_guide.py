@@ -19,8 +19,8 @@ from slipd_client.friction_session import OBSTACLE_S, FrictionSession, config_li
 from slipd_client.grip import GripClient
 from slipd_client.keys import Keys
 from slipd_client.messages import Health, slip_topic
-from slipd_client.messages.schema.replies import StatusReply
-from slipd_client.messages.schema.topics import Slip
+from slipd_client.messages.replies import StatusReply
+from slipd_client.messages.topics import Slip
 from slipd_client.subscriber import Subscriber
 
 LISTEN_S = 0.2

@@ -13,7 +13,7 @@ from collections import deque
 from typing import Literal, NamedTuple, Union
 
 from slipd_client.messages.names import SlipLevel
-from slipd_client.messages.schema.topics import Slip
+from slipd_client.messages.topics import Slip
 
 STEADY_S = 0.3
 """A grip is ready when it was trusted and at rest for so long."""

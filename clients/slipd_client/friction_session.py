@@ -9,7 +9,7 @@ from typing import Optional
 
 from slipd_client.errors import FrictionNotMeasured
 from slipd_client.friction_pull import NO_CONTACT, PullSample, PullWatch
-from slipd_client.messages.schema.topics import Slip
+from slipd_client.messages.topics import Slip
 
 LONGEST_STEP_S = 0.5
 """Largest step that counts, s: in a longer gap, such as a stall of the machine, nothing is seen and nobody can act."""

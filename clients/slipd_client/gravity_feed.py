@@ -16,7 +16,7 @@ from pathlib import Path
 from slipd_client.errors import CallError, RequestRefused
 from slipd_client.grip import GripClient
 from slipd_client.keys import Keys
-from slipd_client.messages.schema.replies import GravityReply
+from slipd_client.messages.replies import GravityReply
 from slipd_client.quaternions import STANDARD_DOWN, conjugate, rotated
 
 PERIOD_S = 0.1

@@ -14,7 +14,7 @@ from contextvars import ContextVar
 from typing import Any
 
 from slipd_client.errors import LeaseInUse, LeaseLost
-from slipd_client.messages.schema.ops import URGENT_OPS, lease_rule
+from slipd_client.messages.ops import URGENT_OPS, lease_rule
 
 LEASE_MS = 200
 """Life of a lease without renewal: for so long the daemon believes that a dead program still steers."""

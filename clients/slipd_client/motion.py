@@ -13,8 +13,8 @@ from slipd_client.errors import CallError
 from slipd_client.grip import GripClient
 from slipd_client.keys import Keys
 from slipd_client.messages import MOTION_TOPIC
-from slipd_client.messages.schema.replies import MotionReply
-from slipd_client.messages.schema.topics import Motion
+from slipd_client.messages.replies import MotionReply
+from slipd_client.messages.topics import Motion
 from slipd_client.quaternions import STANDARD_DOWN, conjugate, plus, rotated
 from slipd_client.request_protocol import TIMEOUT_S
 from slipd_client.subscriber import Subscriber

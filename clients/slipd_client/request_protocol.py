@@ -23,9 +23,9 @@ from slipd_client.keys import Keys
 from slipd_client.lease_keeper import LeaseKeeper
 from slipd_client.link import Link, Steps
 from slipd_client.messages import MESSAGE_LIMITS, PROTOCOL_VERSION, TARE_REASONS, decode, encode, request_limits
-from slipd_client.messages.schema.ops import OPS
-from slipd_client.messages.schema.replies import HelloReply, Reply, TareBegun, TareReply, TareResult, typed_reply
-from slipd_client.messages.schema.request_fields import TARE_S
+from slipd_client.messages.ops import OPS
+from slipd_client.messages.replies import HelloReply, Reply, TareBegun, TareReply, TareResult, typed_reply
+from slipd_client.messages.request_fields import TARE_S
 from slipd_client.paths import hint_for, requests_endpoint
 
 TIMEOUT_S = 1.0

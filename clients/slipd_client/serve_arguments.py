@@ -20,7 +20,7 @@ from slipd_client.arguments import (
     rate_hz,
 )
 from slipd_client.errors import CallError
-from slipd_client.messages.schema.topics import TOPICS
+from slipd_client.messages.topics import TOPICS
 from slipd_client.ros.conversion import NAMESPACE, TRANSFORMS_TOPIC
 
 FOXGLOVE_LISTEN = "127.0.0.1:8765"

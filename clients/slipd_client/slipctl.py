@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from slipd_client import slipctl_parser
 from slipd_client.errors import CallError, ClientError, RequestRefused, SlipdClientError, require
-from slipd_client.messages.schema.ops import lease_rule
+from slipd_client.messages.ops import lease_rule
 from slipd_client.terminal import INTERRUPTED, standard_output
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ PROGRAMS = {
     "gravity": ("", "", "gravity_feed"),
     "view": ("websockets", "websockets", "page.view_command"),
     "serve foxglove": ("foxglove", "foxglove-sdk", "ros.foxglove_command"),
-    "serve ros2": ("cyclonedds", "cyclonedds", "ros2.ros2_command"),
+    "serve ros2": ("cyclonedds", "cyclonedds", "ros.ros2_command"),
     "serve fleet": ("zenoh", "eclipse-zenoh", "fleet.robot_bridge"),
     "fleet": ("zenoh", "eclipse-zenoh", "fleet.fleet_command"),
 }

@@ -19,9 +19,8 @@ from slipd_client.arguments import (
     number_in,
 )
 from slipd_client.friction_session import MOST_SAMPLES
-from slipd_client.messages.schema.fields import Field
-from slipd_client.messages.schema.kinds import FLAG, NUMBER
-from slipd_client.messages.schema.ops import OPS
+from slipd_client.messages.fields import FLAG, NUMBER, Field
+from slipd_client.messages.ops import OPS
 from slipd_client.serve_arguments import add_fleet, add_serve
 
 SAMPLES = 3

@@ -16,7 +16,7 @@ from slipd_client.lease_keeper import check_held, held_until
 from slipd_client.link import Blocking, Link
 from slipd_client.messages import STATUS_TOPIC
 from slipd_client.messages.codec import RunOrder, read
-from slipd_client.messages.schema.topics import TOPICS, TOPICS_OF_FINGERS, Message
+from slipd_client.messages.topics import TOPICS, TOPICS_OF_FINGERS, Message
 from slipd_client.paths import hint_for, publish_endpoint
 
 __all__ = ["Message", "Subscriber", "SubscriberBase"]

@@ -15,7 +15,7 @@ from slipd_client.keys import Keys
 from slipd_client.live_view import LiveView, change_line
 from slipd_client.live_view_parts import plain
 from slipd_client.messages import GRIPPER_TOPIC, STATUS_TOPIC, WARNING_TOPIC
-from slipd_client.messages.schema.replies import StatusReply
+from slipd_client.messages.replies import StatusReply
 from slipd_client.repairs import DOCUMENT, Repair, repairs
 from slipd_client.subscriber import Message, Subscriber
 from slipd_client.terminal import UNCUT, TerminalScreen, is_screen, size_of, terminal_of

@@ -22,7 +22,7 @@ from motions.wire_oracle import EPS_N, MOTIONS, WireOracle
 from nanoseconds import MS
 
 from slipd.gripper.grip_policy import GripState
-from slipd_client.messages.schema.ops import OPS, Op
+from slipd_client.messages.ops import OPS, Op
 
 FRESH_NS = 50 * MS
 ANN = b"ann"

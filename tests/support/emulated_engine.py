@@ -14,10 +14,10 @@ from slipd.tools.sim.emulators import Emulator
 from slipd.tools.sim.hand_commands import parse_command
 from slipd.tools.sim.touched_devices import TouchedDevices
 from slipd_client.errors import RequestRefused
+from slipd_client.messages import replies
 from slipd_client.messages.codec import typed_message
-from slipd_client.messages.schema import replies
-from slipd_client.messages.schema.ops import OPS
-from slipd_client.messages.schema.topics import Message
+from slipd_client.messages.ops import OPS
+from slipd_client.messages.topics import Message
 
 STEP_NS = 10_000_000
 BOOT = "b00t"

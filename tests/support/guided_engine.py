@@ -23,7 +23,7 @@ from slipd.tools.commission.dialogue import (
     Say,
 )
 from slipd_client.errors import RequestRefused
-from slipd_client.messages.schema.replies import TareReply
+from slipd_client.messages.replies import TareReply
 
 OPS = {"gripper_close": "gripper.close", "gripper_open": "gripper.open", "gripper_activate": "gripper.activate"}
 GRAVITY_S = 0.1

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from slipd_client.messages.codec import typed_message
-from slipd_client.messages.schema.topics import Slip
+from slipd_client.messages.topics import Slip
 
 HZ = 250
 

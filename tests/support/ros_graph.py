@@ -19,7 +19,7 @@ from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
-from slipd_client.ros2.dds import dds_topic_name, encoded_type, ros_environment
+from slipd_client.ros.dds import dds_topic_name, encoded_type, ros_environment
 
 
 class Heard(NamedTuple):

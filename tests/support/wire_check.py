@@ -6,10 +6,9 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from slipd.events import Output, Publish, Reply, Request
-from slipd_client.messages.schema.fields import Field, fields_of
-from slipd_client.messages.schema.kinds import Kind
-from slipd_client.messages.schema.ops import OPS
-from slipd_client.messages.schema.topics import TOPICS
+from slipd_client.messages.fields import Field, Kind, fields_of
+from slipd_client.messages.ops import OPS
+from slipd_client.messages.topics import TOPICS
 
 
 def faults_of(output: Output, request: Request | None = None) -> list[str]:

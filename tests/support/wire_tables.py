@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from slipd_client.messages.fields import Field, fields_of
 from slipd_client.messages.names import (
     ERROR_MEANINGS,
     EVIDENCE,
@@ -21,12 +22,11 @@ from slipd_client.messages.names import (
     TARE_REASONS,
     level_code,
 )
-from slipd_client.messages.schema.fields import Field, fields_of
-from slipd_client.messages.schema.ops import OPS
-from slipd_client.messages.schema.parts import FingerStatus, IncidentsStatus, RecordingStatus, StreamStatus
-from slipd_client.messages.schema.replies import Reply, StatusReply
-from slipd_client.messages.schema.request_fields import ENVELOPE
-from slipd_client.messages.schema.topics import TOPICS, Message
+from slipd_client.messages.ops import OPS
+from slipd_client.messages.parts import FingerStatus, IncidentsStatus, RecordingStatus, StreamStatus
+from slipd_client.messages.replies import Reply, StatusReply
+from slipd_client.messages.request_fields import ENVELOPE
+from slipd_client.messages.topics import TOPICS, Message
 
 STATUS_PARTS = {
     "a finger": FingerStatus,

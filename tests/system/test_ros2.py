@@ -19,7 +19,7 @@ pytest.importorskip("cyclonedds", reason="needs cyclonedds, the extra `ros2`")
 from ros_graph import free_domain, joined, reader
 
 from slipd_client.ros.conversion import RosMessage
-from slipd_client.ros2.dds import RosPublisher
+from slipd_client.ros.dds import RosPublisher
 
 pytestmark = pytest.mark.process
 

@@ -25,7 +25,7 @@ from slipd_client.arguments import FLEET_NAME
 from slipd_client.errors import CallError, ClientError
 from slipd_client.fleet.fleet_state import FleetState
 from slipd_client.messages.names import STATUS_TOPIC, WARNING_TOPIC
-from slipd_client.messages.schema.topics import Message
+from slipd_client.messages.topics import Message
 
 LEASE_MS = 1000
 """The other end drops a connection that is silent for so long, and with it the tokens of this process. Keep-alives are

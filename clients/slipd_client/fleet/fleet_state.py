@@ -12,7 +12,7 @@ from typing import Any
 from slipd_client.errors import MessageError
 from slipd_client.messages.codec import RunOrder, read
 from slipd_client.messages.names import SEVERITY, STATUS_TOPIC, WARNING_TOPIC, Health
-from slipd_client.messages.schema.topics import Message, SlipWarning, Status
+from slipd_client.messages.topics import Message, SlipWarning, Status
 
 SILENT_AFTER_S = 1.8
 """A robot whose ``status``, once a second, is older is silent, whatever its signs of life."""

@@ -1,7 +1,9 @@
-"""The wire format shared by the daemon and its clients. Imports nothing of slipd.
+"""The wire format shared by the daemon and its clients: every message, request and reply, each declared once.
 
-``schema`` declares every message, request and reply once; ``names`` holds their words, ``codec`` turns maps into bytes
-and back. The same for people: ``docs/protocol.md``.
+``topics`` declares the messages and ``parts`` the maps within them, ``ops`` and ``request_fields`` the requests,
+``replies`` their results; ``fields`` says what a field is, ``names`` holds the words, ``codec`` turns maps into bytes
+and back. The daemon's check of requests, the typed messages and replies (``typed``), the arguments of ``slipctl`` and
+the tables of ``docs/protocol.md`` all come from here.
 """
 
 from slipd_client.errors import MessageError, fault_text

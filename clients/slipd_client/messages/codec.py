@@ -15,9 +15,9 @@ from typing import Any
 import msgpack
 
 from slipd_client.errors import MessageError
+from slipd_client.messages.fields import read_fields
 from slipd_client.messages.names import PROTOCOL_VERSION
-from slipd_client.messages.schema.fields import read_fields
-from slipd_client.messages.schema.topics import TOPICS, Message
+from slipd_client.messages.topics import TOPICS, Message
 
 _HEADER = {"seq": int, "boot": str, "t_ns": int}
 """What a subscriber needs to order a message."""

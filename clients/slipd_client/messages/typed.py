@@ -1,9 +1,9 @@
-"""The classes of the messages and replies, for programs that steer a robot; `slipd_client.messages.schema` has them."""
+"""The classes of the messages and replies, for programs that steer a robot; `slipd_client.messages` has them."""
 
 from slipd_client.clock import ServerClock as Clock
+from slipd_client.messages.fields import Pair, Triple
 from slipd_client.messages.names import SlipLevel
-from slipd_client.messages.schema.kinds import Pair, Triple
-from slipd_client.messages.schema.parts import (
+from slipd_client.messages.parts import (
     FingerStatus,
     FrictionState,
     GripperState,
@@ -14,7 +14,7 @@ from slipd_client.messages.schema.parts import (
     ReflexAct,
     StreamStatus,
 )
-from slipd_client.messages.schema.replies import (
+from slipd_client.messages.replies import (
     FaultReply,
     FrictionReply,
     GravityReply,
@@ -31,7 +31,7 @@ from slipd_client.messages.schema.replies import (
     TareReply,
     TareResult,
 )
-from slipd_client.messages.schema.topics import (
+from slipd_client.messages.topics import (
     Grasp,
     Gripper,
     Message,

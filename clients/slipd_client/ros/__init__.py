@@ -1,4 +1,5 @@
-"""Messages of slipd as ROS 2 messages: types, their text for viewers, CDR bytes; and live for viewers like Foxglove.
+"""slipd in ROS 2, without ROS: messages as ROS 2 messages, live for viewers and nodes, and the arm's motion from ROS.
 
-Needs no ROS, and loads no NumPy.
+``conversion`` makes the messages, which ``slipctl serve foxglove`` and ``slipctl serve ros2`` send. What talks to DDS
+needs the package cyclonedds (the extra ``ros2``): `arm_motion`, `dds`, `feeds`, `motion_advice` and `ros2_command`.
 """

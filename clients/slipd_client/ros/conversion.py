@@ -21,7 +21,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 from slipd_client.messages.names import Health
-from slipd_client.messages.schema.topics import TOPICS, Grasp, Slip, Status, Tactile, Wrench
+from slipd_client.messages.topics import TOPICS, Grasp, Slip, Status, Tactile, Wrench
 from slipd_client.ros.cdr import CdrEncoder
 from slipd_client.ros.ros_types import STOCK_TYPES, schema_text
 from slipd_client.ros.slipd_types import CONVERTERS, NAMES, PACKAGE, SLIPD_TYPES, time_of

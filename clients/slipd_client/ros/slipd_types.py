@@ -13,12 +13,23 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from slipd_client.messages import topics
+from slipd_client.messages.fields import (
+    FLAG,
+    INTEGER,
+    LEVEL,
+    NUMBER,
+    PAIR,
+    SEXTUPLE,
+    TEXT,
+    TRIPLE,
+    Field,
+    Kind,
+    fields_of,
+)
 from slipd_client.messages.names import LEVELS, level_code
-from slipd_client.messages.schema import topics
-from slipd_client.messages.schema.fields import Field, fields_of
-from slipd_client.messages.schema.kinds import FLAG, INTEGER, LEVEL, NUMBER, PAIR, SEXTUPLE, TEXT, TRIPLE, Kind
-from slipd_client.messages.schema.parts import HeldObject, LeaseStatus, ReflexAct
-from slipd_client.messages.schema.replies import MotionReply
+from slipd_client.messages.parts import HeldObject, LeaseStatus, ReflexAct
+from slipd_client.messages.replies import MotionReply
 from slipd_client.ros.ros_types import RosField, RosType
 
 PACKAGE = "slipd_msgs"

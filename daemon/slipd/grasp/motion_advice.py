@@ -173,7 +173,7 @@ class MotionAdvice:
         """Return whether the present grip holds a motion.
 
         Args:
-            points: Rows of `slipd_client.messages.schema.request_fields.POINT_COLUMNS`, shape (n, 10). Where the first
+            points: Rows of `slipd_client.messages.request_fields.POINT_COLUMNS`, shape (n, 10). Where the first
                 one is at rest, gravity is followed from it; where it is like the motion of now, from now.
             t_ns: Now.
             width_m: Width between the pads, m; None: unknown.

@@ -21,7 +21,7 @@ from slipd.io.zmtp.wire import ProtocolError
 from slipd.publish.replies import error_body
 from slipd.types.permit import Refusal
 from slipd_client.messages import CHECK_LIMITS, MessageError, decode, encode, request_limits
-from slipd_client.messages.schema.ops import URGENT_OPS
+from slipd_client.messages.ops import URGENT_OPS
 
 MOST_QUEUED = 100
 """Replies queued for a client that does not read them; the rest are dropped."""

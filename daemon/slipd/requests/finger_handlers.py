@@ -15,7 +15,7 @@ from slipd.requests.motion_handlers import Handler
 from slipd.rig import Rig
 from slipd.signals.gravity import FRESH_NS, gravity_fault
 from slipd.types.permit import RefusalError, require
-from slipd_client.messages.schema.request_fields import SECONDS, STREAM, STREAM_OR_ALL, TARE_S
+from slipd_client.messages.request_fields import SECONDS, STREAM, STREAM_OR_ALL, TARE_S
 
 _GRIP_IN_FORCE = "a grip is in force, so a tare may erase the load of the held object"
 _OTHER_NAME = "another name may make verdicts more lenient, as friction is learned for each"

@@ -14,7 +14,7 @@ from slipd.requests.recording_state import RecordingState
 from slipd.requests.request_check import check_request
 from slipd.rig import Rig
 from slipd.types.permit import Refusal, RefusalError
-from slipd_client.messages.schema.ops import OPS, URGENT_OPS
+from slipd_client.messages.ops import OPS, URGENT_OPS
 
 _FREED_BY = {
     "friction.set": "friction_without_lease",

@@ -8,7 +8,7 @@ from typing import Any
 
 from slipd.types.permit import RefusalError
 from slipd_client.messages import encode
-from slipd_client.messages.schema.ops import OPEN_OPS
+from slipd_client.messages.ops import OPEN_OPS
 
 PER_CLIENT = 64
 """Requests of one client that are kept at once: 50 per second with the longest deadline are 25, plus a burst."""

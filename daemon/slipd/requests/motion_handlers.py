@@ -23,7 +23,7 @@ from slipd.publish import replies
 from slipd.signals.gravity import MOST_GRAVITY_MPS2
 from slipd.types.arrays import Array
 from slipd.types.permit import Refusal, RefusalError, require
-from slipd_client.messages.schema.request_fields import MOST_POINTS, POINT_COLUMNS
+from slipd_client.messages.request_fields import MOST_POINTS, POINT_COLUMNS
 
 Handler = Callable[[Request, int], Body]
 """Carries out a checked request at a time; raises RefusalError where a rule forbids it."""

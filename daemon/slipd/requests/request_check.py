@@ -9,10 +9,9 @@ from typing import Any
 
 from slipd.types.permit import RefusalError
 from slipd_client.messages import PROTOCOL_VERSION
-from slipd_client.messages.schema.fields import Field
-from slipd_client.messages.schema.kinds import INTEGER, NUMBER, TEXT_OR_INTEGER, TRIPLE, Kind
-from slipd_client.messages.schema.ops import OPEN_OPS, OPS
-from slipd_client.messages.schema.request_fields import ENVELOPE
+from slipd_client.messages.fields import INTEGER, NUMBER, TEXT_OR_INTEGER, TRIPLE, Field, Kind
+from slipd_client.messages.ops import OPEN_OPS, OPS
+from slipd_client.messages.request_fields import ENVELOPE
 
 LONGEST_DEADLINE_NS = 500_000_000
 """A deadline may be this far ahead: a request that waited longer was meant for another situation."""

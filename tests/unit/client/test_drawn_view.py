@@ -12,10 +12,9 @@ from hypothesis import strategies as st
 from slipd.tools.plot.pad_picture import pad_image
 from slipd_client.live_view import LiveView, change_line
 from slipd_client.messages import LEVELS, Health
-from slipd_client.messages.schema.fields import fields_of
-from slipd_client.messages.schema.kinds import FLAG, HEALTH, INTEGER, LEVEL, NUMBER, PAIR, TEXT
-from slipd_client.messages.schema.parts import StreamStatus
-from slipd_client.messages.schema.topics import TOPICS
+from slipd_client.messages.fields import FLAG, HEALTH, INTEGER, LEVEL, NUMBER, PAIR, TEXT, fields_of
+from slipd_client.messages.parts import StreamStatus
+from slipd_client.messages.topics import TOPICS
 from slipd_client.terminal import Terminal
 
 Bodies = dict[str, dict[str, Any]]

@@ -30,7 +30,7 @@ from slipd_client.friction_session import (
     disagreement,
     spread,
 )
-from slipd_client.messages.schema.topics import Slip
+from slipd_client.messages.topics import Slip
 
 STALE: dict[str, Any] = {"level": "unknown", "reasons": ["stale"]}
 

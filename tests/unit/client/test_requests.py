@@ -28,8 +28,8 @@ from slipd_client.grip import GripClient
 from slipd_client.keys import Keys
 from slipd_client.link import Steps
 from slipd_client.messages import Health, MessageError, encode
-from slipd_client.messages.schema.ops import OPS
-from slipd_client.messages.schema.replies import TareResult
+from slipd_client.messages.ops import OPS
+from slipd_client.messages.replies import TareResult
 from slipd_client.subscriber import Subscriber
 
 MAX_AHEAD_NS = 500_000_000

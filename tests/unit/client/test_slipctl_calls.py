@@ -17,7 +17,7 @@ from client_peers import PATIENCE_S, Daemon, refuse, until
 
 import slipd_client
 from slipd_client.grip import Lease
-from slipd_client.messages.schema.ops import OPS
+from slipd_client.messages.ops import OPS
 from slipd_client.slipctl import COMMANDS
 
 Call = Callable[..., tuple[int, str, str]]

@@ -20,7 +20,7 @@ from project import ROOT
 from ros_peers import plain
 
 from slipd_client.errors import CallError, Silence
-from slipd_client.messages.schema.topics import TOPICS, TOPICS_OF_FINGERS
+from slipd_client.messages.topics import TOPICS, TOPICS_OF_FINGERS
 from slipd_client.ros.conversion import TYPES, PadFrames, ros_messages
 from slipd_client.ros.foxglove_command import ViewerServer, levels_of
 from slipd_client.ros.layouts import Levels, foxglove_layout, plotjuggler_layout, plots

@@ -18,7 +18,7 @@ from terminals import PseudoTerminal
 from slipd_client import watch as module
 from slipd_client.errors import Silence
 from slipd_client.messages.codec import typed_message
-from slipd_client.messages.schema.topics import Message
+from slipd_client.messages.topics import Message
 from slipd_client.slipctl_parser import parser
 from slipd_client.terminal import TerminalScreen
 

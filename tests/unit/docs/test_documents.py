@@ -12,7 +12,7 @@ from project import DAEMON, DOCS, ROOT
 
 from slipd_client.client_base import GripClientBase, operation
 from slipd_client.grip import GripClient
-from slipd_client.messages.schema.ops import OPS
+from slipd_client.messages.ops import OPS
 
 LEADING_IDS = re.compile(r"test_((?:[A-Z]\d+_)+)")
 """The ids of one test name, at its beginning."""

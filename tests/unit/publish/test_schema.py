@@ -14,9 +14,9 @@ from run_courses import bring_up, grip, play
 from wire_check import body_faults, faults_of
 
 from slipd.events import Publish
-from slipd_client.messages.schema.fields import fields_of
-from slipd_client.messages.schema.ops import OPS
-from slipd_client.messages.schema.topics import TOPICS
+from slipd_client.messages.fields import fields_of
+from slipd_client.messages.ops import OPS
+from slipd_client.messages.topics import TOPICS
 
 GRASP = f"""
 {grasp_table()}

@@ -12,11 +12,10 @@ from project import DAEMON
 
 from slipd.fusion import rows
 from slipd.gripper.intent import IntentKind
-from slipd_client.messages.schema.fields import Field, fields_of
-from slipd_client.messages.schema.kinds import Kind
-from slipd_client.messages.schema.ops import OPS
-from slipd_client.messages.schema.request_fields import ENVELOPE
-from slipd_client.messages.schema.topics import TOPICS
+from slipd_client.messages.fields import Field, Kind, fields_of
+from slipd_client.messages.ops import OPS
+from slipd_client.messages.request_fields import ENVELOPE
+from slipd_client.messages.topics import TOPICS
 
 OTHER_FORMATS = {"devices", "recording", "config"}
 """Rooms with formats of their own: bytes of devices, recordings, config files."""

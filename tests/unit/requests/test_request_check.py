@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from slipd.requests.request_check import check_request
 from slipd.types.permit import RefusalError
 from slipd_client.messages import ERROR_CODES
-from slipd_client.messages.schema.ops import OPS
+from slipd_client.messages.ops import OPS
 
 T_NS = 81_000_000_000
 GOOD = {"v": 1, "id": "a-1", "op": "grip.set", "boot": "b", "deadline_ns": T_NS + 1, "force_n": 5.0}

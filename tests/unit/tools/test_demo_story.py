@@ -18,7 +18,7 @@ from slipd.events import Request
 from slipd.recording.reader import open_recording
 from slipd.tools.demo_summary import Tally, print_summary
 from slipd.tools.sim.robot_program import Report, RobotProgram
-from slipd_client.messages.schema.topics import SlipWarning
+from slipd_client.messages.topics import SlipWarning
 
 Played = tuple[SteppedDemo, RobotProgram, Path]
 Truth = list[dict[str, Any]]

@@ -43,7 +43,7 @@ from slipd.tools.commission.dialogue import (
 from slipd.tools.commission.readings import SILENCE_S
 from slipd_client.errors import ClientError, SlipdClientError
 from slipd_client.grip import GripClient
-from slipd_client.messages.schema.topics import Message, Wrench
+from slipd_client.messages.topics import Message, Wrench
 from slipd_client.subscriber import Subscriber
 
 TOPICS = ("wrench", "tactile", "slip")

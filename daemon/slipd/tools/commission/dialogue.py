@@ -10,7 +10,7 @@ from collections.abc import Callable, Generator, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from slipd_client.messages.schema.topics import Message
+from slipd_client.messages.topics import Message
 
 T = TypeVar("T")
 

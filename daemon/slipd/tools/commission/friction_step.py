@@ -11,7 +11,7 @@ from slipd_client.errors import FrictionNotMeasured
 from slipd_client.friction_guide import result_lines
 from slipd_client.friction_pull import PullSample
 from slipd_client.friction_session import FrictionSession
-from slipd_client.messages.schema.topics import Slip
+from slipd_client.messages.topics import Slip
 
 SAMPLES = 3
 MOST_TRIES = 10

@@ -16,7 +16,7 @@ from slipd.tools.commission.dialogue import AGAIN, SKIP, Ask, Prompt, Refusal, S
 from slipd.tools.commission.readings import next_message, pause, read_status
 from slipd_client.friction_session import ElapsedTime
 from slipd_client.messages.names import SlipLevel
-from slipd_client.messages.schema.topics import Slip
+from slipd_client.messages.topics import Slip
 
 TARE_S = 0.5
 ATTEMPTS = 3

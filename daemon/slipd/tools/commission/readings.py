@@ -15,8 +15,8 @@ from slipd.tools.commission.dialogue import AGAIN, SKIP, Ask, Choice, Prompt, Re
 from slipd.tools.commission.touches import Mount, Noise
 from slipd.types.arrays import Array
 from slipd_client.friction_session import ElapsedTime
-from slipd_client.messages.schema.replies import HelloReply, StatusReply
-from slipd_client.messages.schema.topics import Message, Tactile, Wrench
+from slipd_client.messages.replies import HelloReply, StatusReply
+from slipd_client.messages.topics import Message, Tactile, Wrench
 
 LEAST_READINGS = 10
 """Fewest readings of a force sensor that make a mean."""

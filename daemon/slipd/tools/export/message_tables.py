@@ -17,9 +17,8 @@ from typing import Any, Literal, NamedTuple
 
 from slipd.config import Config
 from slipd.tools.outputs import parquet_library, parquet_rows
-from slipd_client.messages.schema.fields import fields_of
-from slipd_client.messages.schema.kinds import FLAG, HEALTH, INTEGER, NUMBER, PAIR, SEXTUPLE, TEXT, TRIPLE, Kind
-from slipd_client.messages.schema.topics import TOPICS
+from slipd_client.messages.fields import FLAG, HEALTH, INTEGER, NUMBER, PAIR, SEXTUPLE, TEXT, TRIPLE, Kind, fields_of
+from slipd_client.messages.topics import TOPICS
 
 Body = dict[str, Any]
 

@@ -11,7 +11,7 @@ from slipd_client.errors import ClientError, LeaseLost, RequestRefused
 from slipd_client.grip import GripClient
 from slipd_client.messages import Health
 from slipd_client.messages.names import DAEMON_LATE
-from slipd_client.messages.schema.topics import Message, Slip, SlipWarning
+from slipd_client.messages.topics import Message, Slip, SlipWarning
 from slipd_client.subscriber import Subscriber
 
 ALARMING = ("warning", "slipping")

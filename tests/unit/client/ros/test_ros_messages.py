@@ -19,8 +19,8 @@ from ros_peers import built, plain, typestore
 from ros_values import header, time
 
 import slipd_client.ros
-from slipd_client.messages.schema.fields import fields_of
-from slipd_client.messages.schema.topics import TOPICS
+from slipd_client.messages.fields import fields_of
+from slipd_client.messages.topics import TOPICS
 from slipd_client.ros.cdr import CdrEncoder, CdrError
 from slipd_client.ros.conversion import TYPES, PadFrames, RosMessage, encode, ros_messages, schema, stamp_ns
 from slipd_client.ros.message_package import files, main

@@ -33,7 +33,7 @@ from slipd.tools.commission.weight_step import POSES, weigh
 from slipd_client import keys
 from slipd_client.errors import ClientError, NoAnswer, RequestRefused, TareGivenUp
 from slipd_client.messages import TARE_REASONS
-from slipd_client.messages.schema.topics import Message
+from slipd_client.messages.topics import Message
 
 RIG = """
 [finger.left.wrench]

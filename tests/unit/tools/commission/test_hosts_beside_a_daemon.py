@@ -21,7 +21,7 @@ from slipd.tools.commission import commission_command
 from slipd.tools.commission.commission_command import PageHost, TerminalHost
 from slipd.tools.commission.daemon_link import DaemonLink, GravitySender
 from slipd.tools.commission.dialogue import Ask, Event, Refusal
-from slipd_client.messages.schema.topics import Wrench
+from slipd_client.messages.topics import Wrench
 
 pytestmark = pytest.mark.usefixtures("person")
 

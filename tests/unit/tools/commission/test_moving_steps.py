@@ -32,7 +32,7 @@ from slipd.tools.commission.friction_step import measure_friction
 from slipd.tools.commission.gripper_steps import MOST_TRIES, first_grasp, release
 from slipd.tools.commission.readings import LEAST_READINGS, ReadingListener
 from slipd_client.messages.codec import typed_message
-from slipd_client.messages.schema.topics import Message
+from slipd_client.messages.topics import Message
 
 STALE: dict[str, Any] = {"level": "unknown", "reasons": ["stale"]}
 FREE: dict[str, Any] = {"level": "no_contact", "normal_n": 0.0, "required_friction": None}

@@ -28,7 +28,7 @@ from slipd.tools.commission.readings import ReadingListener
 from slipd.tools.commission.touch_guide import TouchGuide
 from slipd.tools.commission.touches import Findings, scan_centroid
 from slipd.tools.sim import touched_devices
-from slipd_client.messages.schema.topics import Tactile
+from slipd_client.messages.topics import Tactile
 
 
 def commission(

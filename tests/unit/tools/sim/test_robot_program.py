@@ -12,7 +12,7 @@ import pytest
 from slipd.tools.sim import robot_program
 from slipd.tools.sim.robot_program import Plan, RobotProgram
 from slipd_client.errors import RequestRefused
-from slipd_client.messages.schema.topics import Slip, SlipWarning
+from slipd_client.messages.topics import Slip, SlipWarning
 
 PLAN = Plan(limit_n=20.0, step_n=50.0, step_s=0.0)
 WELL = {"left.wrench": {"health": 0, "message": ""}, "gripper": {"health": 0, "message": ""}}

@@ -16,7 +16,7 @@ from slipd import config
 from slipd.tools.sim import unkind
 from slipd.tools.sim.emulators import EmulatedDevice, make_emulator
 from slipd.tools.sim.unkind import Unkind
-from slipd_client.messages.schema.topics import Slip
+from slipd_client.messages.topics import Slip
 
 PERIOD_NS = 10 * MS
 

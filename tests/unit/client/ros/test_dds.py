@@ -16,8 +16,8 @@ pytest.importorskip("cyclonedds", reason="needs cyclonedds, the extra `ros2`")
 
 from ros_graph import Heard, Listener, free_domain, joined
 
-from slipd_client.ros2.dds import RosPublisher
-from slipd_client.ros2.motion_advice import SpeedScaling
+from slipd_client.ros.dds import RosPublisher
+from slipd_client.ros.motion_advice import SpeedScaling
 
 STORE = typestore()
 

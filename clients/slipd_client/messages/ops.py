@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from slipd_client.messages.schema.fields import Field
-from slipd_client.messages.schema.replies import (
+from slipd_client.messages.fields import Field
+from slipd_client.messages.replies import (
     FaultReply,
     FrictionReply,
     GravityReply,
@@ -23,7 +23,7 @@ from slipd_client.messages.schema.replies import (
     TareBegun,
     TareReply,
 )
-from slipd_client.messages.schema.request_fields import (
+from slipd_client.messages.request_fields import (
     ACCELERATION_MPS2,
     DELTA_N,
     DROP,

@@ -24,9 +24,9 @@ from slipd_client.grip import GripClient
 from slipd_client.messages.codec import encode
 from slipd_client.messages.names import Health
 from slipd_client.quaternions import product
+from slipd_client.ros.arm_motion import ArmReading, ArmSource, clock_offset_ns
 from slipd_client.ros.conversion import Entry, entry
-from slipd_client.ros2.arm_motion import ArmReading, ArmSource, clock_offset_ns
-from slipd_client.ros2.orientation import STALE_S, OrientationUnknown
+from slipd_client.ros.orientation import STALE_S, OrientationUnknown
 
 
 class Background(threading.Thread):

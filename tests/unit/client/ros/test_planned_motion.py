@@ -14,15 +14,15 @@ from ros_values import attributes, header, numbers
 from scipy.spatial.transform import Rotation
 
 from slipd_client.errors import NoAnswer
-from slipd_client.messages.schema.replies import MotionReply, typed_reply
+from slipd_client.messages.replies import MotionReply, typed_reply
 from slipd_client.ros.conversion import RosMessage
 
 pytest.importorskip("cyclonedds", reason="needs cyclonedds, the extra `ros2`")
 
 from ros_graph import free_domain, joined
 
-from slipd_client.ros2.dds import RosPublisher, ros_reader, taken
-from slipd_client.ros2.motion_advice import PLAN, PlanCheck, PlanError, points_of
+from slipd_client.ros.dds import RosPublisher, ros_reader, taken
+from slipd_client.ros.motion_advice import PLAN, PlanCheck, PlanError, points_of
 
 DOWN_MPS2 = np.array([0.0, 0.0, -9.80665])
 AXIS = np.array([0.6, 0.0, 0.8])

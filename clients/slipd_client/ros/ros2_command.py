@@ -20,6 +20,7 @@ from slipd_client.keys import Keys
 from slipd_client.messages.names import Health
 from slipd_client.motion import MotionAdvisor
 from slipd_client.quaternions import IDENTITY
+from slipd_client.ros.arm_motion import IMU_SPAN_S, POSE_SPAN_S, ArmSource, Imu, Transforms
 from slipd_client.ros.conversion import (
     DIAGNOSTICS_TOPIC,
     NAMESPACE,
@@ -32,11 +33,10 @@ from slipd_client.ros.conversion import (
     ros_messages,
     stale_diagnostics,
 )
+from slipd_client.ros.dds import RosPublisher, joined, ros_environment, ros_reader
+from slipd_client.ros.feeds import ArmFeed, OrientationFeed, RosFeed, arm_port
+from slipd_client.ros.motion_advice import PLAN, PlanCheck, SpeedScaling
 from slipd_client.ros.slipd_types import time_of
-from slipd_client.ros2.arm_motion import IMU_SPAN_S, POSE_SPAN_S, ArmSource, Imu, Transforms
-from slipd_client.ros2.dds import RosPublisher, joined, ros_environment, ros_reader
-from slipd_client.ros2.feeds import ArmFeed, OrientationFeed, RosFeed, arm_port
-from slipd_client.ros2.motion_advice import PLAN, PlanCheck, SpeedScaling
 from slipd_client.serving import follow, pads_of, read_config
 from slipd_client.subscriber import Subscriber
 from slipd_client.topic_limit import TopicLimit

@@ -10,8 +10,8 @@ import pytest
 
 from slipd_client.errors import CallError
 from slipd_client.ros.conversion import PadFrames, RosMessage, entry
-from slipd_client.ros2.dds import ros_environment
-from slipd_client.ros2.ros2_command import RosForwarder, hand_transform
+from slipd_client.ros.dds import ros_environment
+from slipd_client.ros.ros2_command import RosForwarder, hand_transform
 
 pytest.importorskip("cyclonedds", reason="needs cyclonedds, the extra `ros2`")
 

@@ -24,8 +24,8 @@ from slipd_client.quaternions import (
     rotated,
     rotation_vector,
 )
-from slipd_client.ros2.dds import ros_reader, taken
-from slipd_client.ros2.orientation import ImuOrientation, OrientationUnknown, Pose, TransformTree, stamp_of, vector
+from slipd_client.ros.dds import ros_reader, taken
+from slipd_client.ros.orientation import ImuOrientation, OrientationUnknown, Pose, TransformTree, stamp_of, vector
 
 POSE_SPAN_S = 0.04
 """Span of poses, s. The acceleration has about 0.01 m/s² noise for each micrometre of the positions' at 250 Hz."""

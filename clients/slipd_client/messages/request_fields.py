@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from slipd_client.messages.schema.fields import Field
-from slipd_client.messages.schema.kinds import FLAG, INTEGER, NUMBER, ROWS, TEXT, TEXT_OR_INTEGER, TRIPLE
+from slipd_client.messages.fields import FLAG, INTEGER, NUMBER, ROWS, TEXT, TEXT_OR_INTEGER, TRIPLE, Field
 
 ENVELOPE = (
     Field("v", INTEGER, "version of this API: 1"),

@@ -13,7 +13,7 @@ from ros_values import attributes, numbers
 from scipy.spatial.transform import Rotation
 
 from slipd_client.quaternions import of_rotation_vector, rotation_vector
-from slipd_client.ros2.arm_motion import (
+from slipd_client.ros.arm_motion import (
     IMU_SPAN_S,
     POSE_SPAN_S,
     ArmReading,
@@ -21,7 +21,7 @@ from slipd_client.ros2.arm_motion import (
     PoseMotion,
     clock_offset_ns,
 )
-from slipd_client.ros2.orientation import (
+from slipd_client.ros.orientation import (
     STALE_S,
     ImuOrientation,
     OrientationUnknown,

@@ -14,15 +14,15 @@ from typing import Any
 from cyclonedds.sub import DataReader
 
 from slipd_client.errors import SlipdClientError
-from slipd_client.messages.schema.replies import MotionReply
-from slipd_client.messages.schema.request_fields import MOST_POINTS
+from slipd_client.messages.replies import MotionReply
+from slipd_client.messages.request_fields import MOST_POINTS
 from slipd_client.motion import MotionAdvisorBase, point_of
+from slipd_client.ros.arm_motion import POSE_SPAN_S, PoseMotion
 from slipd_client.ros.conversion import RosMessage
+from slipd_client.ros.dds import taken
+from slipd_client.ros.feeds import Background
+from slipd_client.ros.orientation import OrientationUnknown, Pose, unit, vector
 from slipd_client.ros.slipd_types import CHECKED, motion_check
-from slipd_client.ros2.arm_motion import POSE_SPAN_S, PoseMotion
-from slipd_client.ros2.dds import taken
-from slipd_client.ros2.feeds import Background
-from slipd_client.ros2.orientation import OrientationUnknown, Pose, unit, vector
 
 PERIOD_S = 0.05
 """Time between two messages, s: half of that between two messages of slipd, so that stale advice ends soon."""

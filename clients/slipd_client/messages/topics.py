@@ -12,10 +12,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from slipd_client.messages.fields import Pair, Sextuple, Triple, wire
 from slipd_client.messages.names import PROTOCOL_VERSION, SlipLevel
-from slipd_client.messages.schema.fields import wire
-from slipd_client.messages.schema.kinds import Pair, Sextuple, Triple
-from slipd_client.messages.schema.parts import (
+from slipd_client.messages.parts import (
     MU,
     MU_D,
     MU_HIGH,

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from slipd_client.messages.fields import Sextuple, Triple, wire
 from slipd_client.messages.names import Health, SlipLevel
-from slipd_client.messages.schema.fields import wire
-from slipd_client.messages.schema.kinds import Sextuple, Triple
 
 MU = "coefficient of static friction in use: a low estimate"
 TARE_ORIGIN = (

@@ -28,11 +28,11 @@ from slipd_client.errors import CallError
 from slipd_client.grip import GripClient
 from slipd_client.messages import Health
 from slipd_client.quaternions import IDENTITY, Quaternion
+from slipd_client.ros import feeds
+from slipd_client.ros.arm_motion import Imu
 from slipd_client.ros.conversion import RosMessage
-from slipd_client.ros2 import feeds
-from slipd_client.ros2.arm_motion import Imu
-from slipd_client.ros2.dds import RosPublisher
-from slipd_client.ros2.feeds import ArmFeed, ArmPort, OrientationFeed, RosFeed, arm_port
+from slipd_client.ros.dds import RosPublisher
+from slipd_client.ros.feeds import ArmFeed, ArmPort, OrientationFeed, RosFeed, arm_port
 
 PADS = """
 [grasp.pads.left]

@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from slipd_client.messages.schema.fields import read_fields, wire
-from slipd_client.messages.schema.kinds import Triple
-from slipd_client.messages.schema.parts import TARE_ORIGIN, DaemonState, FrictionState
+from slipd_client.messages.fields import Triple, read_fields, wire
+from slipd_client.messages.parts import TARE_ORIGIN, DaemonState, FrictionState
 
 AnyReply = TypeVar("AnyReply", bound="Reply")
 
