@@ -13,7 +13,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
-from slipd_client.errors import CallError
 from slipd_client.paths import publish_endpoint, requests_endpoint
 
 Add = Callable[[str, str], argparse.ArgumentParser]
@@ -21,15 +20,8 @@ Add = Callable[[str, str], argparse.ArgumentParser]
 
 DEFAULT_LISTEN = "127.0.0.1:8710"
 
-MOST_NAME = 64
-"""Longest name of a fleet or a robot, characters."""
-
-FLEET_NAME = re.compile(rf"[A-Za-z0-9][A-Za-z0-9_.-]{{0,{MOST_NAME - 1}}}")
-"""Name of a fleet or a robot."""
-
-LARGEST_DOMAIN = 232
-"""The ports of a larger one would exceed 65535."""
-
+FLEET_NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}"
+"""Name of a fleet or a robot, which is part of a key of Zenoh."""
 
 _LISTEN = re.compile(r"(?P<host>\[[0-9A-Fa-f:.]+\]|[^:\[\]\s]+):(?P<port>\d{1,5})")
 _HOST = re.compile(r"(?P<host>\[[0-9A-Fa-f:.]+\]|[^:\[\]\s/@]+)(:\d{1,5})?")
@@ -168,31 +160,6 @@ def finite(text: str) -> float:
     return value
 
 
-def check_name(what: str, name: str) -> str:
-    """Return the name of a fleet or a robot.
-
-    Raises:
-        CallError: It has characters that a key must not have, such as ``*``, ``$``, ``#``, ``?`` and ``/``.
-    """
-    if not FLEET_NAME.fullmatch(name):
-        raise CallError(
-            f"{what} must be 1 to {MOST_NAME} of the characters A-Z a-z 0-9 _ . - and begin with a letter or digit, "
-            f"got {name!r:.80}"
-        )
-    return name
-
-
-def check_domain(text: str, name: str) -> int:
-    """Return the id of a domain; ``name`` says where it stands.
-
-    Raises:
-        CallError: It is no such id.
-    """
-    if not (text.isascii() and text.isdigit() and int(text) <= LARGEST_DOMAIN):
-        raise CallError(f"{name} must be an integer from 0 to {LARGEST_DOMAIN}, got {text!r:.40}")
-    return int(text)
-
-
 def matching(pattern: str, rule: str) -> Callable[[str], str]:
     """Return a type of arguments: a text that matches a pattern; ``rule`` says after "must" what it must be."""
 
@@ -215,6 +182,9 @@ def number_in(rule: str, allows: Callable[[float], bool]) -> Callable[[str], flo
 
     return parse
 
+
+fleet_name = matching(FLEET_NAME, "be 1 to 64 of the characters A-Z a-z 0-9 _ . - and begin with a letter or digit")
+"""Type of arguments that are names of fleets and robots."""
 
 rate_hz = number_in("from 0.001 to 1e6 Hz", lambda hz: 0.001 <= hz <= 1e6)
 """Type of arguments that are rates."""

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
+import itertools
 import math
 import os
 import select
 import stat
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from slipd_client.errors import CallError, RequestRefused
@@ -92,108 +92,82 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> GravityReply | None:
     """
     if (chosen.follow is None) == (not chosen.numbers):
         raise CallError("gravity needs either three or four numbers, or --follow FILE")
+    if chosen.follow is None:
+        vectors, hold_s = iter([[gravity_of(chosen.numbers)]]), 0.0
+    else:
+        vectors, hold_s = followed(chosen.follow), FOLLOW_S
     with GripClient(chosen.requests, keys=keys) as client:
-        if chosen.follow is not None:
-            return follow(client, chosen.finger, chosen.follow, chosen.hold)
-        return send(client, chosen.finger, gravity_of(chosen.numbers), chosen.hold or 0.0)
+        return send(client, chosen.finger, vectors, hold_s if chosen.hold is None else chosen.hold)
 
 
-def send(client: GripClient, finger: str, gravity_mps2: Sequence[float], hold_s: float) -> GravityReply:
-    """Send a gravity vector, and repeat it for ``hold_s``; return the last reply."""
-    feed = _Feed(client, finger)
-    until_s = time.monotonic() + hold_s
-    while True:
-        feed.send(gravity_mps2)
-        rest_s = until_s - time.monotonic()
-        if rest_s <= 0.0 and feed.reply is not None:
-            return feed.reply
-        time.sleep(max(min(PERIOD_S, rest_s), 0.0))
-
-
-def follow(client: GripClient, finger: str, source: str, hold_s: float | None) -> GravityReply | None:
-    """Send the newest line of a file or pipe at 10 Hz, until a pipe ends, or for ever for a regular file.
+def send(client: GripClient, finger: str, vectors: Iterator[list[list[float]]], hold_s: float) -> GravityReply | None:
+    """Send the newest vector at 10 Hz, each for ``hold_s`` and at least once; return the last reply.
 
     Args:
         client: Sends the requests.
         finger: Name of the finger.
-        source: Path; "-": standard input.
-        hold_s: How long a line is repeated until the next; None: FOLLOW_S.
+        vectors: Gravity in the frame of the pad, m/s²: what is new, every PERIOD_S.
+        hold_s: How long a vector is repeated until the next, s.
 
-    Returns:
-        The last reply; None if there was no line.
+    Raises:
+        RequestRefused: The daemon refuses; that the machine is busy is tolerated for OBSTACLE_S.
+    """
+    gravity: list[float] | None = None
+    reply: GravityReply | None = None
+    since_s = well_s = time.monotonic()
+    for new in itertools.chain(vectors, _pauses()):
+        if new:
+            gravity, since_s = new[-1], time.monotonic()
+        held = time.monotonic() - since_s < hold_s
+        if gravity is not None and (new or held or reply is None):
+            try:
+                answer = client.gravity_set(finger, gravity)
+            except RequestRefused as error:
+                if error.code != "deadline_passed" or time.monotonic() - well_s > OBSTACLE_S:
+                    raise
+                continue
+            if reply is None and answer.get("gravity") == "none":
+                text = f"the config gives finger {finger} no mass_kg: no weight is subtracted"
+                print(f"slipctl: {text}", file=sys.stderr)
+            reply, well_s = answer, time.monotonic()
+        if new is None and not (gravity and held):
+            break
+    return reply
+
+
+def _pauses() -> Iterator[None]:
+    while True:
+        time.sleep(PERIOD_S)
+        yield None
+
+
+def followed(source: str) -> Iterator[list[list[float]]]:
+    """Yield the vectors of the lines that are new in a file or pipe, every PERIOD_S; end with the pipe.
+
+    Args:
+        source: Path; "-": standard input.
 
     Raises:
         CallError: The file cannot be read, or one of its lines is wrong.
     """
-    hold_s = FOLLOW_S if hold_s is None else hold_s
-    feed, lines = _Feed(client, finger), _NewLines(source)
-    gravity: list[float] | None = None
-    since_s = 0.0
-    with contextlib.closing(lines):
+    try:
+        path = sys.stdin.fileno() if source == "-" else Path(source).expanduser()
+        file = open(path, "rb", buffering=0, closefd=source != "-")  # noqa: SIM115 - also of a descriptor
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise CallError(f"--follow must name a file or pipe that can be read, got {source!r}: {why}") from None
+    with file:
+        grows, part = stat.S_ISREG(os.fstat(file.fileno()).st_mode), b""
         while True:
-            newest = [found for found in map(parse_line, lines.read(PERIOD_S)) if found is not None]
-            if newest:
-                gravity, since_s = newest[-1], time.monotonic()
-            held = gravity is not None and time.monotonic() - since_s <= hold_s
-            if gravity is not None and (newest or held):
-                feed.send(gravity)
-            if lines.ended and not (held and hold_s):
-                return feed.reply
-
-
-class _Feed:
-    """Sends gravity; a refusal of a busy machine is tolerated for a while."""
-
-    def __init__(self, client: GripClient, finger: str) -> None:
-        self._client, self._finger = client, finger
-        self._well_s = time.monotonic()
-        self.reply: GravityReply | None = None
-
-    def send(self, gravity_mps2: Sequence[float]) -> None:
-        first = self.reply is None
-        try:
-            self.reply = self._client.gravity_set(self._finger, gravity_mps2)
-        except RequestRefused as error:
-            if error.code != "deadline_passed" or time.monotonic() - self._well_s > OBSTACLE_S:
-                raise
-        else:
-            self._well_s = time.monotonic()
-            if first and self.reply.get("gravity") == "none":
-                text = f"the config gives finger {self._finger} no mass_kg: no weight is subtracted"
-                print(f"slipctl: {text}", file=sys.stderr)
-
-
-class _NewLines:
-    """The lines that are appended to a file, or arrive in a pipe."""
-
-    def __init__(self, source: str) -> None:
-        try:
-            self._fd = os.dup(sys.stdin.fileno()) if source == "-" else os.open(Path(source).expanduser(), os.O_RDONLY)
-            os.read(self._fd, 0)  # fails for a folder
-        except (OSError, ValueError) as error:
-            why = getattr(error, "strerror", None) or error
-            raise CallError(f"--follow must name a file or pipe that can be read, got {source!r}: {why}") from None
-        self._grows = stat.S_ISREG(os.fstat(self._fd).st_mode)
-        self._part = b""
-        self.ended = False
-
-    def read(self, patience_s: float) -> list[str]:
-        """Return the lines since the last call; wait for at most ``patience_s``."""
-        if self.ended:
-            time.sleep(patience_s)
-            return []
-        if not select.select([self._fd], [], [], patience_s)[0]:
-            return []
-        data = os.read(self._fd, READ_BYTES)
-        if not data and self._grows:
-            time.sleep(patience_s)
-        elif not data:
-            self.ended = True
-            data = b"\n"
-        *lines, self._part = (self._part + data).split(b"\n")
-        if len(self._part) > LONGEST_LINE:
-            raise CallError(f"--follow: a line must have at most {LONGEST_LINE} bytes")
-        return [line.decode(errors="replace") for line in lines]
-
-    def close(self) -> None:
-        os.close(self._fd)
+            ready = select.select([file], [], [], PERIOD_S)[0]
+            data = file.read(READ_BYTES) if ready else b""
+            ended = bool(ready) and not data and not grows
+            *lines, part = (part + (b"\n" if ended else data)).split(b"\n")
+            if len(part) > LONGEST_LINE:
+                raise CallError(f"--follow: a line must have at most {LONGEST_LINE} bytes")
+            found = (parse_line(line.decode(errors="replace")) for line in lines)
+            yield [vector for vector in found if vector is not None]
+            if ended:
+                return
+            if ready and not data:
+                time.sleep(PERIOD_S)

@@ -5,21 +5,18 @@ from __future__ import annotations
 import argparse
 import re
 import socket
-from collections.abc import Callable
 from pathlib import Path
 
 from slipd_client.arguments import (
     DEFAULT_LISTEN,
     Add,
-    check_domain,
-    check_name,
     finite,
+    fleet_name,
     matching,
     number_in,
     parse_listen,
     rate_hz,
 )
-from slipd_client.errors import CallError
 from slipd_client.messages.topics import TOPICS
 from slipd_client.ros.conversion import NAMESPACE, TRANSFORMS_TOPIC
 
@@ -81,7 +78,6 @@ def _ros2(ros2: argparse.ArgumentParser) -> None:
     )
     ros2.add_argument(
         "--domain",
-        type=_checked(lambda text: check_domain(text, "the id of a domain")),
         metavar="ID",
         help="id of the DDS domain (default: ROS_DOMAIN_ID, or 0)",
     )
@@ -170,7 +166,7 @@ def _ros2(ros2: argparse.ArgumentParser) -> None:
 def _fleet_of(robot: argparse.ArgumentParser) -> None:
     host = socket.gethostname().partition(".")[0]
     robot.add_argument(
-        "--robot", type=_NAME, default=host, metavar="NAME", help="name of the robot (default: %(default)s)"
+        "--robot", type=fleet_name, default=host, metavar="NAME", help="name of the robot (default: %(default)s)"
     )
     _add_reach(robot, "accept connections there, instead of a router's")
     robot.add_argument(
@@ -206,7 +202,7 @@ def add_fleet(fleet: argparse.ArgumentParser) -> None:
     fleet.add_argument("--json", action="store_true", help="print the fleet as JSON, once a second")
     fleet.add_argument(
         "--robots",
-        type=_NAME,
+        type=fleet_name,
         nargs="+",
         default=[],
         metavar="NAME",
@@ -216,7 +212,7 @@ def add_fleet(fleet: argparse.ArgumentParser) -> None:
 
 def _add_reach(command: argparse.ArgumentParser, listening: str) -> None:
     command.add_argument(
-        "--fleet", type=_NAME, default=FLEET, metavar="NAME", help="name of the fleet (default: %(default)s)"
+        "--fleet", type=fleet_name, default=FLEET, metavar="NAME", help="name of the fleet (default: %(default)s)"
     )
     command.add_argument(
         "--connect",
@@ -240,21 +236,6 @@ def _add_reach(command: argparse.ArgumentParser, listening: str) -> None:
         metavar="FILE",
         help="configuration of Zenoh (JSON5), for TLS and access control; --connect and --listen outrank it",
     )
-
-
-def _checked(check: Callable[[str], object]) -> Callable[[str], object]:
-    """Return a type of arguments: what ``check`` returns, its CallError in the words of argparse."""
-
-    def parse(text: str) -> object:
-        try:
-            return check(text)
-        except CallError as error:
-            raise argparse.ArgumentTypeError(str(error)) from None
-
-    return parse
-
-
-_NAME = _checked(lambda text: check_name("the name", text))
 
 
 def _endpoint(text: str) -> str:

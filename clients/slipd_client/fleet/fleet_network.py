@@ -156,7 +156,7 @@ def message_key(fleet: str, robot: str, topic: str) -> str:
 def split_key(key: str, fleet: str) -> tuple[str, str] | None:
     """Return robot and last part of a key of this fleet; None for any other key."""
     parts = key.split("/")
-    if len(parts) != 3 or parts[0] != fleet or not FLEET_NAME.fullmatch(parts[1]):
+    if len(parts) != 3 or parts[0] != fleet or not re.fullmatch(FLEET_NAME, parts[1]):
         return None
     return parts[1], parts[2]
 

@@ -22,10 +22,12 @@ from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
-from slipd_client.arguments import check_domain
 from slipd_client.errors import CallError
 from slipd_client.ros.conversion import TYPES, RosMessage, encode
 from slipd_client.ros.ros_types import RosField, type_hash
+
+LARGEST_DOMAIN = 232
+"""The ports of a larger one would exceed 65535."""
 
 RANGES = ("SUBNET", "LOCALHOST", "OFF", "SYSTEM_DEFAULT")
 _NO_MULTICAST = "<General><AllowMulticast>false</AllowMulticast></General>"
@@ -46,7 +48,7 @@ class RosEnvironment(NamedTuple):
     warning: str
 
 
-def ros_environment(variables: Mapping[str, str], domain: int | None = None) -> RosEnvironment:
+def ros_environment(variables: Mapping[str, str], domain: str | None = None) -> RosEnvironment:
     """Return the domain and its configuration.
 
     Args:
@@ -54,12 +56,14 @@ def ros_environment(variables: Mapping[str, str], domain: int | None = None) -> 
         domain: Id of the domain; None: that of ``ROS_DOMAIN_ID``, or 0.
 
     Raises:
-        CallError: A variable has a value that ROS does not know.
+        CallError: The domain is none, or a variable has a value that ROS does not know.
     """
     parts = [*_fragments(variables), *filter(None, [variables.get("CYCLONEDDS_URI", "").strip()])]
-    if domain is None:
-        domain = check_domain(variables.get("ROS_DOMAIN_ID", "").strip() or "0", "ROS_DOMAIN_ID")
-    return RosEnvironment(domain, ",".join(parts), _warning(variables))
+    stated = variables.get("ROS_DOMAIN_ID", "").strip() or "0" if domain is None else domain
+    if stated not in map(str, range(LARGEST_DOMAIN + 1)):
+        where = "ROS_DOMAIN_ID" if domain is None else "--domain"
+        raise CallError(f"{where} must be an integer from 0 to {LARGEST_DOMAIN}, got {stated!r:.40}")
+    return RosEnvironment(int(stated), ",".join(parts), _warning(variables))
 
 
 def _fragments(variables: Mapping[str, str]) -> Iterator[str]:

@@ -52,7 +52,7 @@ def test_one_orientation_is_sent_once_or_repeated(daemon: Daemon, call: Call, st
     daemon.handlers["gravity.set"] = lambda _: {"gravity": "none"}
     said = "slipctl: the config gives finger left no mass_kg: no weight is subtracted\n"
     assert call(*gravity, "1", "0", "0", "--hold", "0.15") == (0, 'gravity: "none"\n', said)
-    assert vectors(daemon) == [[0.0, 0.0, -9.81], *[[0.0, 0.0, -9.80665]] * 5, *[[1.0, 0.0, 0.0]] * 3]
+    assert vectors(daemon) == [[0.0, 0.0, -9.81], *[[0.0, 0.0, -9.80665]] * 4, *[[1.0, 0.0, 0.0]] * 2]
 
 
 @pytest.mark.parametrize("hold", ["0", "0.2"])
@@ -76,7 +76,6 @@ def test_every_line_of_a_pipe_is_followed_until_it_ends(hold: str, daemon: Daemo
 def test_a_file_is_followed_from_its_last_line_and_an_old_line_is_not_repeated_for_ever(
     daemon: Daemon, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(gravity_feed, "FOLLOW_S", 0.2)
     file, sleep, known = tmp_path / "poses", time.sleep, []
     file.write_text("1 0 0\n0 0 1\n")
     written = {8: "0 1 0\n", 9: "bad\n"}
@@ -89,7 +88,7 @@ def test_a_file_is_followed_from_its_last_line_and_an_old_line_is_not_repeated_f
 
     monkeypatch.setattr(gravity_feed.time, "sleep", write_more)
     with GripClient(daemon.endpoint) as client, pytest.raises(CallError, match="got 'bad'"):
-        gravity_feed.follow(client, "left", str(file), None)
+        gravity_feed.send(client, "left", gravity_feed.followed(str(file)), 0.2)
     assert known[0][0] == [0.0, 0.0, 1.0]
     assert known[5] == known[7], "the line was repeated for longer than its time"
     assert vectors(daemon)[-1] == [0.0, 1.0, 0.0]
@@ -98,4 +97,4 @@ def test_a_file_is_followed_from_its_last_line_and_an_old_line_is_not_repeated_f
 def test_a_refusal_ends_it_with_the_reason_of_the_daemon(daemon: Daemon) -> None:
     daemon.handlers["gravity.set"] = refuse("bad_value", "must be one of left, right", "finger")
     with GripClient(daemon.endpoint) as client, pytest.raises(RequestRefused, match="left, right"):
-        gravity_feed.send(client, "thumb", [0.0, 0.0, -9.8], 1.0)
+        gravity_feed.send(client, "thumb", iter([[[0.0, 0.0, -9.8]]]), 1.0)

@@ -143,8 +143,8 @@ def test_topics_are_chosen_and_status_is_always_among_them(
     ("arguments", "complaint"),
     [
         ("serve fleet", "give --connect ENDPOINT, --listen ENDPOINT or --zenoh-config FILE"),
-        ("serve fleet --robot a/b", "argument --robot: the name must be 1 to 64"),
-        ("fleet --fleet *", "argument --fleet: the name must be 1 to 64"),
+        ("serve fleet --robot a/b", "argument --robot: must be 1 to 64"),
+        ("fleet --fleet *", "argument --fleet: must be 1 to 64"),
         ("serve fleet --rate fast", "must be a number, got 'fast'"),
         ("serve fleet --rate 0", "must be from 0.001 to 1e6 Hz"),
         *(
