@@ -13,7 +13,7 @@ from pathlib import Path
 from commission_person import PULLS, touch_for
 from rig_parts import ENDS_S, emulating, first_line, part
 
-from slipd.tools.sim.touch_command import touch_command
+from slipd.tools.sim.hand_commands import touch_command
 
 ANSWERS = {
     "the fingertips point straight down": "tilt 1 0 0",

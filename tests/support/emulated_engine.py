@@ -77,7 +77,7 @@ class EmulatedEngine:
     def touch(self, line: str) -> None:
         """Carry out commands of the emulation, separated by semicolons."""
         for part in line.split(";"):
-            command = parse_command(part, self.devices.hand.fingers)
+            command = parse_command(part, self.devices.fingers)
             assert command is not None
             self.devices.hand.carry_out(command, self.now_ns * 1e-9)
 

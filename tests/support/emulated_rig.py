@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rig_parts import emulating, endpoints_of, first_line, part
 
-from slipd.tools.sim.touch_command import touch_command
+from slipd.tools.sim.hand_commands import touch_command
 
 RIG = """
 [finger.left]

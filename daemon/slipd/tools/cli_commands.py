@@ -259,7 +259,7 @@ COMMANDS = (
     ),
     Command(
         "touch",
-        "slipd.tools.sim.touch_command:touch_command",
+        "slipd.tools.sim.hand_commands:touch_command",
         "press, push or twist a pad of a running emulation",
         (
             argument("folder", type=Path, metavar="DIR", help="folder of the emulation, which it prints"),

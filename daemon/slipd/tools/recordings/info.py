@@ -30,7 +30,7 @@ def info_command(path: Path, *, as_json: bool) -> bool:
     if as_json:
         print(json.dumps(found, ensure_ascii=False))
     else:
-        for line in _lines(found):
+        for line in _lines(found, repairable=recording.fault is not None or not recording.closed):
             print(printable(line))
     return recording.complete
 
@@ -92,13 +92,14 @@ def _rig(recording: Recording) -> dict[str, Any]:
     return {"config_id": rig.config_id, "streams": streams, "config_fault": ""}
 
 
-def _lines(found: dict[str, Any]) -> list[str]:
+def _lines(found: dict[str, Any], *, repairable: bool) -> list[str]:
     streams, topics = found["streams"], found["topics"]
     versions = ", ".join(f"{name} {version}" for name, version in found["versions"].items())
     lines = [
         f"recording: {found['recording']}",
         f"length:    {found['length_s']:.3f} s from {found['begun']} on, {found['bytes'] / 1e6:.2f} MB",
         f"complete:  {'yes' if found['complete'] else 'no: ' + found['fault']}",
+        *([f"to repair: slipd recover {found['recording']} OUT writes all that is intact"] if repairable else []),
         f"boot:      {found['boot']}",
         f"config:    {found['config_id'] or found['config_fault']}",
         f"versions:  {versions}",

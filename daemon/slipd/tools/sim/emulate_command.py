@@ -26,9 +26,8 @@ from slipd.tools.sim.emulate import (
 )
 from slipd.tools.sim.emulated_copy import emulated_copy
 from slipd.tools.sim.hand import PadLoad
-from slipd.tools.sim.hand_commands import HELP, CommandError, parse_command
-from slipd.tools.sim.touch_command import END, ERROR, OK, SOCKET
-from slipd.tools.sim.touched_devices import TouchedDevices
+from slipd.tools.sim.hand_commands import END, ERROR, HELP, OK, SOCKET, CommandError, parse_command
+from slipd.tools.sim.touched_devices import TouchedDevices, pad_reaches
 
 
 def emulate_command(file: Path, folder: Path | None, script: Path | None, seed: int, *, unkind: bool = False) -> None:
@@ -86,10 +85,11 @@ def _script_lines(script: Path | None, rig: config.Config) -> list[str]:
         raise UsageError(f"{script}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:
         raise UsageError(f"{script}: cannot be read: it is not UTF-8 text") from None
+    fingers = pad_reaches(rig)
     for number, line in enumerate(lines, start=1):
         try:
             for part in line.partition("#")[0].split(";"):
-                parse_command(part, rig.finger)
+                parse_command(part, fingers)
         except CommandError as error:
             raise SlipdError(f"{script}:{number}: {error}") from None
     return lines
@@ -153,7 +153,7 @@ class _Desk:
         return True
 
     async def _one(self, text: str, answer: Callable[[str], None]) -> None:
-        command = parse_command(text, self._devices.hand.fingers)
+        command = parse_command(text, self._devices.fingers)
         if command is None:
             return
         if command.verb == "wait":

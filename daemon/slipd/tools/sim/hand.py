@@ -108,11 +108,6 @@ class Hand:
         self._pull_n = _Ramp(2)
         self._mu_s, self._mu_d = MU_S, MU_D
 
-    @property
-    def fingers(self) -> list[str]:
-        """Names of the fingers."""
-        return list(self._fingers)
-
     def carry_out(self, command: Command, t_s: float) -> None:
         """Carry out a command that changes a load.
 

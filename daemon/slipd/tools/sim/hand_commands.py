@@ -1,11 +1,19 @@
-"""The commands of `slipd emulate`, one a line: what a hand does to the pads of emulated devices."""
+"""The commands of ``slipd emulate``, one a line: what a hand does to the pads; and ``slipd touch``, which sends them.
+
+Nothing of the emulation is loaded here, so ``slipd touch`` starts at once.
+"""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Mapping, Sequence
+import socket
+import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
+
+from slipd.errors import SlipdError
 
 HELP = """\
 press FINGER FORCE N [at X Y mm] [in S s]    press the pad; default: where it was pressed, or at its centre
@@ -23,6 +31,9 @@ wait S s                                     do nothing for this time
 show                                         print the load on each finger
 help                                         print this
 quit                                         end"""
+
+ROUNDING_M = 1e-4
+"""A place may be this far beyond the edge of a pad: pages and people round."""
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _AXES = {"+x": (1.0, 0.0), "-x": (-1.0, 0.0), "+y": (0.0, 1.0), "-y": (0.0, -1.0)}
@@ -107,12 +118,16 @@ _FORMS = {
 }
 
 
-def parse_command(line: str, fingers: Collection[str]) -> Command | None:
+Fingers = Mapping[str, tuple[float, float]]
+"""How far the pad of each finger reaches from its centre along X and Y, m; infinite for a finger without a pad."""
+
+
+def parse_command(line: str, fingers: Fingers) -> Command | None:
     """Return the command of a line; None for an empty line or a comment (#).
 
     Args:
         line: The line.
-        fingers: Names of the fingers.
+        fingers: The fingers by name.
 
     Raises:
         CommandError: The line is not a command.
@@ -148,6 +163,8 @@ def _command(words: _Words, form: _Form) -> Command:
     elif words.verb == "arm":
         values += words.option("turn", _TURN) or (0.0, 0.0, 0.0)
     place_m = words.option("at", form.place, {"mm": 1e-3}) if form.place else None
+    if words.verb == "press" and place_m is not None:
+        words.check_place(finger, place_m)
     (seconds,) = (words.option("in", ("S",), {"s": 1.0}) if form.timed else None) or (0.0,)
     if words.verb == "wait":
         return Command("wait", seconds=values[0])
@@ -157,7 +174,7 @@ def _command(words: _Words, form: _Form) -> Command:
 class _Words:
     """The words of one command, read from left to right."""
 
-    def __init__(self, words: list[str], fingers: Collection[str]) -> None:
+    def __init__(self, words: list[str], fingers: Fingers) -> None:
         self.verb, self._rest, self._fingers = words[0], _split_units(words[1:]), fingers
 
     @property
@@ -202,6 +219,15 @@ class _Words:
         self._rest.pop(0)
         return self.numbers(names, units)
 
+    def check_place(self, finger: str, place_m: tuple[float, ...]) -> None:
+        """Raise where there is no taxel to press."""
+        if any(abs(at_m) > reach_m + ROUNDING_M for at_m, reach_m in zip(place_m, self._fingers[finger], strict=True)):
+            at, reach = ([f"{1e3 * value_m:g}" for value_m in pair] for pair in (place_m, self._fingers[finger]))
+            raise CommandError(
+                f"press: at {' '.join(at)} mm the {finger} pad has no taxel: "
+                f"X must be from -{reach[0]} to {reach[0]} mm, and Y from -{reach[1]} to {reach[1]} mm"
+            )
+
     def end(self) -> None:
         if self._rest:
             raise self.error("nothing may follow")
@@ -218,3 +244,41 @@ def _split_units(words: list[str]) -> list[str]:
         match = re.fullmatch(rf"({_NUMBER})([A-Za-z·]+)", word)
         found += match.groups() if match else [word]
     return found
+
+
+SOCKET = "hand"
+"""Name of the local socket for commands."""
+
+OK, ERROR, END = "ok", "error: ", "end"
+"""First words of the last line of each answer on the socket."""
+
+
+def touch_command(folder: Path, words: list[str]) -> bool:
+    """Send commands to a running emulation and print the answers; without words, those of standard input.
+
+    Returns:
+        Whether every command was carried out.
+
+    Raises:
+        SlipdError: No emulation listens there.
+    """
+    done = True
+    with socket.socket(socket.AF_UNIX) as line:
+        try:
+            line.connect(str(folder / SOCKET))
+        except OSError as error:
+            raise SlipdError(f"no emulation at {folder}: {error.strerror}; start one: slipd emulate CONFIG") from None
+        with line.makefile("rw", encoding="utf-8") as both:
+            for text in [" ".join(words)] if words else sys.stdin:
+                both.write(text.rstrip("\n") + "\n")
+                both.flush()
+                for answer in both:
+                    if answer.strip() == OK:
+                        break
+                    print(answer, end="", file=sys.stderr if answer.startswith(ERROR) else sys.stdout, flush=True)
+                    if answer.startswith((ERROR, END)):
+                        done = done and not answer.startswith(ERROR)
+                        break
+                else:
+                    raise SlipdError("the emulation has ended")
+    return done

@@ -7,6 +7,7 @@ set either; everything else is as it was.
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import socket
@@ -29,6 +30,7 @@ from slipd.tools.sim.emulated_pads import REST_COUNTS
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics, PvdfPad
 from slipd.tools.sim.emulators import Emulator, accepted, make_emulator
 from slipd.tools.sim.hand import Hand, PadLoad
+from slipd.tools.sim.hand_commands import Fingers
 from slipd.tools.sim.unkind import Unkind
 from slipd.types.arrays import Array
 
@@ -62,6 +64,7 @@ class TouchedDevices:
 
     Attributes:
         devices: Name, emulator and address of each, for `slipd.tools.sim.emulate.emulated`.
+        fingers: How far the pad of each finger reaches, for `slipd.tools.sim.hand_commands.parse_command`.
         addresses: New address of each port of the config.
         hand: What acts on the pads.
 
@@ -71,6 +74,7 @@ class TouchedDevices:
 
     def __init__(self, rig: config.Config, folder: Path, seed: int = 0, *, unkind: bool = False) -> None:
         self._rig = rig
+        self.fingers = pad_reaches(rig)
         self._by_port: dict[str, Any] = {}
         self.addresses: dict[str, str] = {}
         self.devices: list[tuple[str, Emulator, str]] = []
@@ -140,6 +144,17 @@ class TouchedDevices:
             fault = 'every port must be on a line of its own: port = "…"'
             raise ConfigError("config", [ConfigFault("port", None, fault)])
         return text
+
+
+def pad_reaches(rig: config.Config) -> Fingers:
+    """Return how far the pad of each finger reaches from its centre along X and Y, m."""
+    reaches: dict[str, tuple[float, float]] = {}
+    for name, finger in rig.finger.items():
+        reaches[name] = math.inf, math.inf
+        if (pad := finger.pad) is not None:
+            along, across = (pad.rows, pad.cols) if pad.swap_xy else (pad.cols, pad.rows)
+            reaches[name] = 0.5 * along * pad.pitch_m, 0.5 * across * pad.pitch_m
+    return reaches
 
 
 class _TouchedPad:

@@ -62,8 +62,11 @@ def test_what_a_run_holds_is_counted(tmp_path: Path, capsys: pytest.CaptureFixtu
     } <= set(lines)
 
 
-def test_what_is_missing_is_stated_and_the_answer_is_no(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_missing_is_stated_with_what_repairs_it_and_the_answer_is_no(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["info", str(lossy(DEMO, tmp_path))]) == 1
     shown = capsys.readouterr().out
-    assert "complete:  no: " in shown
+    assert ("complete:  no: " in shown, "slipd recover" in shown) == (True, False), "there is nothing to recover"
+    (tmp_path / "cut.mcap").write_bytes(DEMO.read_bytes()[:-1000])
+    assert main(["info", str(tmp_path / "cut.mcap")]) == 1
+    assert f"slipd recover {tmp_path}/cut.mcap OUT writes all that is intact" in capsys.readouterr().out
     assert re.search(r"^gap: +nothing is known from (0\.99|1\.00)\d to (1\.99|2\.00)\d s$", shown, re.MULTILINE)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 import numpy as np
@@ -11,7 +12,7 @@ from slipd.signals.gravity import STANDARD_GRAVITY_MPS2, FingerWeight
 from slipd.tools.sim.hand import Hand, PadLoad
 from slipd.tools.sim.hand_commands import HELP, Command, CommandError, parse_command
 
-FINGERS = ("left", "right")
+FINGERS = {"left": (0.025, 0.015), "right": (math.inf, math.inf)}
 
 
 def hand(*lines: str, t_s: float = 0.0) -> Hand:
@@ -88,7 +89,7 @@ def test_the_weight_follows_the_direction_of_gravity() -> None:
     [
         ("press left 5 N", Command("press", "left", (5.0,))),
         ("press left 5N at 20 -10 mm in 2 s", Command("press", "left", (5.0,), (0.02, -0.01), seconds=2.0)),
-        ("press right 5 at 1 2", Command("press", "right", (5.0,), (0.001, 0.002))),
+        ("press right 5 at 100 2", Command("press", "right", (5.0,), (0.1, 0.002))),
         ("push left +x 1.5 N in 1", Command("push", "left", (1.5,), direction=(1.0, 0.0), seconds=1.0)),
         ("push left -3 4 N in 1 s", Command("push", "left", (5.0,), direction=(-0.6, 0.8), seconds=1.0)),
         ("push left 0 0", Command("push", "left", (0.0,))),
@@ -125,6 +126,10 @@ def test_a_line_is_one_command_in_si_units(line: str, command: Command | None) -
         ("press left 5 kg", "the unit must be N, got 'kg'"),
         ("press left 5 N at 1", "Y must be a number, got ''"),
         ("press left 5 N at 1 900", "Y must be from -500 to 500"),
+        (
+            "press left 5 N at 26 0",
+            "at 26 0 mm the left pad has no taxel: X must be from -25 to 25 mm, and Y from -15 to 15",
+        ),
         ("press left 5 N now", "nothing may follow, got 'now'"),
         ("press left 5 N at 0 0 mm 7", "nothing may follow, got '7'"),
         ("push left 1 +x 5", "FY must be a number, got '+x'"),

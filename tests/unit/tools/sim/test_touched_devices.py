@@ -51,7 +51,7 @@ class Loaded:
 
 def give(devices: TouchedDevices, *lines: str) -> None:
     for line in lines:
-        command = parse_command(line, devices.hand.fingers)
+        command = parse_command(line, devices.fingers)
         assert command is not None
         devices.hand.carry_out(command, 0.0)
 
@@ -203,7 +203,7 @@ def test_a_gripper_that_closes_on_an_object_presses_both_pads(name: str, grip: d
     give(devices, "object 40 mm")
     devices.advance(0)
     vars(devices.devices[-1][1]).update(grip)
-    assert devices.loads(MS) == dict.fromkeys(devices.hand.fingers, PadLoad((0.0, 0.0), 8.0))
+    assert devices.loads(MS) == dict.fromkeys(devices.fingers, PadLoad((0.0, 0.0), 8.0))
 
 
 def test_the_arm_moves_the_weight_of_both_fingers_and_its_stream_says_how(tmp_path: Path) -> None:
