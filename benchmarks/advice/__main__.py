@@ -25,7 +25,7 @@ from slipd.tools.sim.carry import CARRY_PLAN, Arm, CarryProgram, CarryScript, Mo
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics
 from slipd.tools.sim.scene import GripCommand
 from slipd.tools.sim.scene_parts import GRAVITY_MPS2
-from slipd.tools.sim.stickslip.stepped_grasp import FrictionLaw
+from slipd.tools.sim.stepped_grasp import FrictionLaw
 from slipd.tools.sim.virtual_gripper import VirtualRig, carried_rig
 
 PEAK = 10.0 / math.sqrt(3.0)

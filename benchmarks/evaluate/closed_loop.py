@@ -21,7 +21,7 @@ from slipd import config
 from slipd.tools.shipped_files import shipped_config
 from slipd.tools.sim.scene import Scene
 from slipd.tools.sim.scene_parts import GRAVITY_MPS2, Script
-from slipd.tools.sim.stickslip.stepped_grasp import FrictionLaw
+from slipd.tools.sim.stepped_grasp import FrictionLaw
 from slipd.tools.sim.virtual_gripper import VirtualRig
 
 POUR_S, POURED_S, END_S = 2.2, 5.2, 6.5

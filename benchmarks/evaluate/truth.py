@@ -1,7 +1,7 @@
 """What really happened in a simulated grasp: the episodes of gross slip, and how near to slip it was.
 
 **Gross slip**: the object slides as a whole (cells with 95 % of the frictional power slide, see
-`stickslip.stepped_grasp.GROSS_SHARE`) and the speed of the contact exceeds `SPEED_MPS`, for `LEAST_S` or
+`stepped_grasp.GROSS_SHARE`) and the speed of the contact exceeds `SPEED_MPS`, for `LEAST_S` or
 longer; pauses shorter than `PAUSE_S` do not end it. The speed of the contact is √(v² + (ω ρ)²): v at the centre of the
 patch, ρ its radius of gyration. Partial slip, where some cells slide and others stick, is not gross slip.
 """

@@ -15,9 +15,9 @@ from simulated_grasp.contact_patch import FIELD, ContactPatch, PressedPatch
 from simulated_grasp.grasp_parts import FrictionLaw, GraspedObject, PadCompliance
 
 from slipd.fusion.compiled import compiled
+from slipd.tools.sim.bristle_kernels import STORED, Body
 from slipd.tools.sim.scene_parts import Pad
-from slipd.tools.sim.stickslip.bristle_kernels import STORED, Body
-from slipd.tools.sim.stickslip.stepped_grasp import STEP_S, Pair, SteppedGrasp
+from slipd.tools.sim.stepped_grasp import STEP_S, Pair, SteppedGrasp
 from slipd.types.arrays import Array
 
 CELL_M = 0.001

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slipd.tools.sim.stickslip.stepped_grasp import DAMPING_NS_PER_M3, STIFFNESS_N_PER_M3, Pair
-from slipd.tools.sim.stickslip.stepped_grasp import FrictionLaw as DryFriction
+from slipd.tools.sim.stepped_grasp import DAMPING_NS_PER_M3, STIFFNESS_N_PER_M3, Pair
+from slipd.tools.sim.stepped_grasp import FrictionLaw as DryFriction
 from slipd.types.arrays import Array
 
 

@@ -9,9 +9,9 @@ from simulated_grasp.contact_patch import ContactPatch
 from simulated_grasp.general_grasp import GeneralGrasp
 from simulated_grasp.grasp_parts import FrictionLaw, GraspedObject, PadCompliance
 
+from slipd.tools.sim.bristle_kernels import Body
 from slipd.tools.sim.scene_parts import Patch
-from slipd.tools.sim.stickslip.bristle_kernels import Body
-from slipd.tools.sim.stickslip.stepped_grasp import DAMPING_NS_PER_M3, STIFFNESS_N_PER_M3, SteppedGrasp
+from slipd.tools.sim.stepped_grasp import DAMPING_NS_PER_M3, STIFFNESS_N_PER_M3, SteppedGrasp
 
 PATCH = ContactPatch("rounded", 0.018, 0.009, growth=1 / 3)
 LAW = FrictionLaw()

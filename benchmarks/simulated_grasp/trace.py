@@ -15,7 +15,7 @@ from simulated_grasp.load_history import LoadHistory
 
 from slipd.fusion import utilisations
 from slipd.tools.sim.scene_parts import Pad
-from slipd.tools.sim.stickslip.stepped_grasp import STEP_S
+from slipd.tools.sim.stepped_grasp import STEP_S
 from slipd.types.arrays import Array, Indices
 
 UTILISATION_S = 0.01

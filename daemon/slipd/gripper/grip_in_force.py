@@ -68,8 +68,9 @@ class GripInForce:
         self._policy, self._session, self._fingers = policy, session, fingers
         self.command_n: float | None = None
         self.closed_to_m: float | None = None
-        self._held = False  # in this grasp, an object stopped the gripper or pressed on a finger
-        self._claimed = False  # a command of this run decided what the gripper holds, or that it holds nothing
+        # held: in this grasp, an object stopped the gripper or pressed on a finger;
+        # claimed: a command of this run decided what the gripper holds, or that it holds nothing
+        self._held = self._claimed = False
         self._before = _Before(None, unknown=False, claimed=False)
         self._newest: GripperSample | None = None
         self._stored: StoredGrip | None = None

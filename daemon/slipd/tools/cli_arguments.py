@@ -19,7 +19,7 @@ EXPORTS = {
     "ros2": "a bag (ROS, Foxglove, PlotJuggler)",
     "csv": "one file for each topic",
     "parquet": "the same with types (pandas, Polars, DuckDB)",
-    "lerobot": "a data set for learning (LeRobot), at --rate",
+    "lerobot": "a data set for learning (LeRobot), sampled at --rate",
 }
 """Formats of an export, and what opens each."""
 
@@ -82,7 +82,7 @@ def one_of(*arguments: Add, required: bool = False) -> Add:
     return add
 
 
-JSON = argument("--json", dest="as_json", action="store_true", help="print one JSON document")
+JSON = argument("--json", dest="as_json", action="store_true", help="print the result as one JSON document")
 
 
 positive = number_in("a positive number", lambda value: value > 0.0)
@@ -128,7 +128,7 @@ def shard(text: str) -> tuple[int, int]:
     """Return a share such as ``2/8``: its number, from 1 on, and how many there are."""
     found = re.fullmatch(r"(\d{1,9})/(\d{1,9})", text)
     if found is None or not 1 <= int(found[1]) <= int(found[2]):
-        raise argparse.ArgumentTypeError(f"a shard is I/N with I from 1 to N, for example 2/8, got {text!r}")
+        raise argparse.ArgumentTypeError(f"must be I/N with I from 1 to N, such as 2/8, got {text!r}")
     return int(found[1]), int(found[2])
 
 

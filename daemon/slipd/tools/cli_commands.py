@@ -26,13 +26,13 @@ class _Rig(argparse.Action):
 
 RIG = one_of(
     argument("config", type=Path, nargs="?", action=_Rig, metavar="FILE", help="config of the rig, TOML"),
-    argument("--config", type=Path, metavar="FILE", help="the same, as an option"),
+    argument("--config", type=Path, metavar="FILE", help="another way to name the config"),
     required=True,
 )
 RECORD = argument("--record", type=Path, metavar="FILE", help="record every event and message to this new file")
 SEED = argument("--seed", type=int, default=0, metavar="N", help="seed of the noise (default 0)")
-NAME = argument("name", metavar="NAME", help="name in the list")
-NAME_OR_ALL = argument("name", nargs="?", metavar="NAME", help="name in the list")
+NAME = argument("name", metavar="NAME", help="name, as the list shows it")
+NAME_OR_ALL = argument("name", nargs="?", metavar="NAME", help="name, as the list shows it (default: print the list)")
 SERVICE = (
     one_of(
         argument("--system", action="store_true", help="for all users; as root"),
@@ -40,7 +40,9 @@ SERVICE = (
         required=True,
     ),
     argument("--program", type=Path, metavar="FILE", help="the installed slipd (default: this one)"),
-    argument("--root", type=Path, default=Path("/"), metavar="DIR", help="of --system: write below DIR, for packages"),
+    argument(
+        "--root", type=Path, default=Path("/"), metavar="DIR", help="with --system: write below DIR, to build a package"
+    ),
 )
 
 
@@ -61,10 +63,10 @@ COMMANDS = (
                 "--scene",
                 choices=("pour", "carry"),
                 default="pour",
-                help="what happens: something is poured into a box, or an arm carries a glass that may not be gripped "
-                "harder, as fast as slipd advises (default: pour)",
+                help="pour: a held box is filled until it would turn; carry: an arm carries a glass that may not be "
+                "gripped harder, as fast as slipd advises (default: pour)",
             ),
-            argument("--without-advice", action="store_true", help="of carry: every move at full speed"),
+            argument("--without-advice", action="store_true", help="with --scene carry: make every move at full speed"),
             argument("--headless", action="store_true", help="print only the summary, without a live view"),
             SEED,
             RECORD,
@@ -75,7 +77,7 @@ COMMANDS = (
         "slipd.tools.check_command:check_command",
         "report every fault in a config",
         (RIG, JSON),
-        "Exit code 1: it has faults.",
+        "Exit code 1: the config has faults.",
     ),
     Command("service", "", "install or uninstall slipd as a systemd service", below="install|uninstall|show"),
     Command(
@@ -129,17 +131,26 @@ COMMANDS = (
     Command(
         "doctor",
         "slipd.tools.discovery.doctor_command:doctor",
-        "read one device, report what is right and wrong, keep a capture of it",
+        "read one device, report what is right and wrong, and keep a capture of its bytes",
         (
-            argument("port", metavar="PORT", help="serial port or address; or a FILE.capture, to examine it again"),
-            argument("--device", dest="name", metavar="NAME", help="name of the device (slipd devices)"),
+            argument(
+                "port",
+                metavar="PORT",
+                help="serial port or address of the device; or a FILE.capture, to examine it again",
+            ),
+            argument(
+                "--device",
+                dest="name",
+                metavar="NAME",
+                help="name of the device, as slipd devices lists it; not for a capture",
+            ),
             argument("--seconds", type=positive, default=10.0, metavar="S", help="how long to read (default 10)"),
             argument(
                 "--rate",
                 dest="rate_hz",
                 type=positive,
                 metavar="HZ",
-                help="expected readings per second (default: any)",
+                help="expected readings per second (default: any rate of the device)",
             ),
             argument("--baud", type=int, metavar="N", help="line speed, bit/s (default: the device's)"),
             argument(
@@ -196,8 +207,10 @@ COMMANDS = (
                 metavar="NAME",
                 help="only this finger; may be given several times",
             ),
-            argument("--publish", metavar="ENDPOINT", help="endpoint on which slipd publishes"),
-            argument("--requests", metavar="ENDPOINT", help="endpoint on which slipd accepts requests"),
+            argument("--publish", metavar="ENDPOINT", help="where slipd publishes (default: as the config states)"),
+            argument(
+                "--requests", metavar="ENDPOINT", help="where slipd accepts requests (default: as the config states)"
+            ),
             argument(
                 "--patience",
                 dest="patience_s",
@@ -221,16 +234,14 @@ COMMANDS = (
                 metavar="FILE",
                 help="public key of the daemon (default: that beside the secret key that the config names)",
             ),
-            argument(
-                "--dry-run", action="store_true", help="print what would change; change nothing, and move nothing"
-            ),
+            argument("--dry-run", action="store_true", help="only print what would change; the gripper does not move"),
             argument("--page", action="store_true", help=argparse.SUPPRESS),  # slipctl view --config FILE
         ),
         "The daemon must run this config. mounting: you press each pad at three places and push it along two "
         "directions. weight: you hold the gripper in four poses. friction: you pull at a gripped sample. grasp: the "
-        "gripper closes gently, holds, and opens; it moves only after you agreed (docs/first_day.md). What follows is "
-        "written into the config after each step, and the config before is kept as FILE.previous. Exit code 1: "
-        "something does not follow, and is not guessed; 130: Ctrl-C.",
+        "gripper closes gently, holds, and opens; it moves only after you agreed (docs/first_day.md). What a step "
+        "finds is written into the config, and the config before is kept as FILE.previous. Exit code 1: something "
+        "was not found; nothing is guessed.",
     ),
     Command(
         "emulate",
@@ -243,31 +254,31 @@ COMMANDS = (
                 dest="folder",
                 type=Path,
                 metavar="DIR",
-                help="folder for the lines and the copy (default: a temporary one)",
+                help="folder for the emulated ports and the copy of the config (default: a temporary one)",
             ),
             argument("--script", type=Path, metavar="FILE", help="carry out the commands of this file first"),
             argument(
                 "--unkind",
                 action="store_true",
-                help="sensors with clocks, taxels and lines as unkind as those of real ones",
+                help="give the sensors the wrong clocks, unequal taxels and bad lines of real ones",
             ),
             SEED,
         ),
-        "The sensors are mounted as the config states. A copy of the config with the addresses of the emulated devices "
-        "is written; its path is printed last. What is changed in it meanwhile is kept in the working directory. "
-        "docs/emulation.md lists the commands. Ctrl-C ends it.",
+        "The sensors are mounted as the config states. Run the daemon with the copy of the config whose path is "
+        "printed last: it has the addresses of the emulated devices. If you change it, your config with these changes "
+        "is written to the working directory at the end. docs/emulation.md lists the commands. Ctrl-C ends it.",
     ),
     Command(
         "touch",
         "slipd.tools.sim.hand_commands:touch_command",
         "press, push or twist a pad of a running emulation",
         (
-            argument("folder", type=Path, metavar="DIR", help="folder of the emulation, which it prints"),
+            argument("folder", type=Path, metavar="DIR", help="folder of the emulation (its --dir)"),
             argument(
                 "words",
                 nargs=argparse.REMAINDER,
                 metavar="COMMAND",
-                help='such as: press left 5 N at 0 0 mm; "help" lists all; without a command, lines of standard input',
+                help='such as: press left 5 N at 0 0 mm; "help" lists all (default: read commands from standard input)',
             ),
         ),
     ),

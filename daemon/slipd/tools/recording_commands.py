@@ -49,25 +49,27 @@ RECORDING_COMMANDS = (
         "slipd.tools.recordings.info:info_command",
         "print what a recording holds: length, streams, rates, levels, config, version",
         (RECORDING, JSON),
-        "Exit code 1: the recording is damaged or cut off; what is there is printed.",
+        "Exit code 1: the recording is damaged or cut off; what can be read is printed.",
     ),
     Command(
         "replay",
         "slipd.tools.recordings.replay_commands:replay_command",
-        "run a recording through the engine again",
+        "run a recording through the engine again, and print the changes of level",
         (
             RECORDING,
             argument(
                 "--speed", type=speed, default=1.0, metavar="X|max", help="speed relative to real time (default 1)"
             ),
-            argument("--json", dest="as_json", action="store_true", help="print every message, one per line"),
+            argument(
+                "--json", dest="as_json", action="store_true", help="print every message, as one JSON object a line"
+            ),
             argument(
                 "--publish",
                 nargs="?",
                 type=endpoint,
                 const="",
                 metavar="ENDPOINT",
-                help="endpoint on which slipd publishes (without ENDPOINT: that of the recorded config)",
+                help="also publish every message, on this endpoint (without ENDPOINT: that of the recorded config)",
             ),
         ),
     ),
@@ -84,8 +86,8 @@ RECORDING_COMMANDS = (
                 help="remove passwords, tokens and keys from the config and all texts",
             ),
         ),
-        "OUT has the index and the summary that other programs need, and states what is missing. Exit code 1: FILE is "
-        "not a recording, its start or all of it is damaged, or OUT cannot be written; nothing is written then.",
+        "OUT has the index and the summary that other programs need, and states what is missing. Exit code 1: "
+        "RECORDING is not of slipd, its start or all of it is damaged, or OUT cannot be written; then there is no OUT.",
     ),
     Command(
         "view",
@@ -135,14 +137,14 @@ RECORDING_COMMANDS = (
                 help="draw up to this time (default: the end)",
             ),
         ),
-        "What the run itself reported is drawn; with another config the recording is replayed. Its length does not "
-        "matter for memory: the least and the largest value of each column of the picture are kept. Only an earlier "
-        "plot is replaced. Exit code 1: the recording is damaged or cut off; it is drawn as far as it goes.",
+        "The page shows what the run itself reported; with --config the recording is replayed. Memory does not grow "
+        "with the length of a recording. An existing file is replaced only if it is a plot. Exit code 1: a recording "
+        "is damaged or cut off; it is drawn as far as it goes.",
     ),
     Command(
         "identify",
         "slipd.tools.recordings.identify_mass:identify_command",
-        "find mass and centre of mass of a finger from a recording of several poses",
+        "find mass and centre of mass of a finger that was held still in several poses",
         (
             argument("path", type=Path, metavar="RECORDING", help="recording with gravity.set requests, MCAP"),
             argument("--finger", required=True, metavar="NAME", help="name of the finger in the config"),
@@ -162,8 +164,8 @@ RECORDING_COMMANDS = (
                 "--tare-rows",
                 type=int,
                 metavar="N",
-                help="the fingers are open in the first N rows: take the zero of the pads from them (default: the "
-                "config's)",
+                help="take the zero of the pads from the first N rows, in which the fingers are open (default: the "
+                "zero that the config states)",
             ),
         ),
         given={"form": "grips", "importer": "slipd.tools.recordings.grips_import:import_trial"},
@@ -174,7 +176,9 @@ RECORDING_COMMANDS = (
         "import an experiment of slip_detection_dataset_2021 (needs h5py)",
         (
             _source("HDF5 file of an object"),
-            argument("experiment", metavar="EXPERIMENT", help="such as GGCNN2/SpoolSolder/Pose1/Exp1"),
+            argument(
+                "experiment", metavar="EXPERIMENT", help="path in that file, such as GGCNN2/SpoolSolder/Pose1/Exp1"
+            ),
             NEW_RECORDING,
             _import_config("arq"),
         ),
@@ -200,7 +204,7 @@ RECORDING_COMMANDS = (
                 type=float,
                 default=0.15,
                 metavar="M",
-                help="mass of the object; where it is not known, mu is relative to this (default: %(default)s)",
+                help="mass of the object, kg; if it is a guess, mu is relative to it (default: %(default)s)",
             ),
             argument(
                 "--clear-s",
@@ -208,7 +212,7 @@ RECORDING_COMMANDS = (
                 nargs=2,
                 default=(0.0, 0.4),
                 metavar=("BEGIN", "END"),
-                help="time in which the pusher is clear of the object: the zero of the sensor (default: 0 to 0.4 s)",
+                help="take the zero of the sensor from this time, s: the pusher touches nothing (default: 0 0.4)",
             ),
         ),
         given={"form": "pushes", "importer": "slipd.tools.recordings.pushes_import:import_pushes"},
@@ -216,7 +220,7 @@ RECORDING_COMMANDS = (
     Command(
         "evaluate",
         "slipd.tools.evaluation.evaluate_command:evaluate_command",
-        "compare what configs would have reported on recordings",
+        "compare what slipd reports on recordings with one config and another",
         (
             argument(
                 "recordings",
@@ -247,7 +251,7 @@ RECORDING_COMMANDS = (
                 type=shard,
                 default=EVERY,
                 metavar="I/N",
-                help="take only this share of the recordings, the I-th of N: one for each machine of a cluster",
+                help="replay only the I-th of N shares of the recordings: one for each machine of a cluster",
             ),
             argument(
                 "--dask",
@@ -263,14 +267,14 @@ RECORDING_COMMANDS = (
             ),
         ),
         "The recorded motion stays as it was: a config changes what is reported on it, not what the robot would have "
-        "done about that. The zero of a pad stays that of the recording too. Results are kept: what was replayed once "
-        "with a config is not replayed again, and an interrupted evaluation goes on. Exit code 1: a config gives other "
-        "levels, or a recording is damaged or does not fit a config. docs/batches.md covers large batches.",
+        "done about that. The zero of the pads stays as recorded, too. Results are kept: what was replayed once with "
+        "a config is not replayed again, and the same command continues after Ctrl-C. Exit code 1: a config gives "
+        "other levels, or a recording is damaged or does not fit a config. docs/batches.md covers large batches.",
     ),
     Command(
         "export",
         "slipd.tools.export.export_command:export_command",
-        "write the messages of a recording as files for other programs",
+        "write recordings as files for other programs",
         (
             argument(
                 "recordings",
@@ -287,9 +291,11 @@ RECORDING_COMMANDS = (
                 metavar="|".join(EXPORTS),
                 help="; ".join(f"{name}: {what}" for name, what in EXPORTS.items()),
             ),
-            argument("--rate", dest="rate_hz", type=rate, metavar="HZ", help="frames per second, of lerobot"),
-            argument("--task", type=sentence, metavar="TEXT", help="what the robot does, in a sentence, of lerobot"),
-            argument("--overwrite", action="store_true", help="replace an earlier export, never anything else"),
+            argument("--rate", dest="rate_hz", type=rate, metavar="HZ", help="with --to lerobot: frames per second"),
+            argument(
+                "--task", type=sentence, metavar="TEXT", help="with --to lerobot: what the robot does, in a sentence"
+            ),
+            argument("--overwrite", action="store_true", help="replace OUT if it is an earlier export"),
         ),
         "The recording is replayed, so the messages are those of this version of slipd. docs/viewers.md says which "
         "program opens what, docs/recordings.md what a data set for learning holds. Exit code 1: a recording is "

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slipd.tools.plot.pad_picture import pad_image
 from slipd_client.live_view import LiveView, change_line
 from slipd_client.messages import LEVELS, Health
 from slipd_client.messages.fields import FLAG, HEALTH, INTEGER, LEVEL, NUMBER, PAIR, TEXT, fields_of
@@ -281,49 +280,3 @@ def test_streams_with_a_fault_stay_those_with_one_message_together() -> None:
     assert re.sub(r"\s+", "", LONG) in re.sub(r"\s+", "", "".join(shown))
     assert "28 streams without a fault" in shown[-1]
     assert rig(Terminal(60, 3))[-1] == "8 more lines do not fit in 60 x 3"
-
-
-TAXELS: dict[str, Any] = {"rows": 2, "cols": 3, "pitch_m": 0.01, "loads_n": [0.0, 0.0, 4.0, 1.0, 0.0, 0.0]}
-
-
-@pytest.mark.parametrize(
-    ("rows_along", "cols_along", "place"),
-    [
-        ("+y", "+x", (0.01, -0.005)),
-        ("-y", "+x", (0.01, 0.005)),
-        ("+y", "-x", (-0.01, -0.005)),
-        ("+x", "+y", (-0.005, 0.01)),
-        ("-x", "+y", (0.005, 0.01)),
-        ("+x", "-y", (-0.005, -0.01)),
-        ("-x", "-y", (0.005, -0.01)),
-    ],
-)
-def test_the_scan_of_a_pad_may_run_in_any_direction(
-    rows_along: str, cols_along: str, place: tuple[float, float]
-) -> None:
-    found = pad_image(TAXELS | {"rows_along": rows_along, "cols_along": cols_along})
-    x, y = found.place(list(place))
-    assert found.rows[int(y)][int(x)] == 1.0, "the largest load is there"
-
-
-@pytest.mark.parametrize(
-    ("fields", "point_m"),
-    [({}, None), ({}, [0.1, 0.0]), ({}, [0.0, "a"]), ({}, [0.0]), ({"pitch_m": None}, [0.0, 0.0])],
-)
-def test_a_point_that_is_not_known_or_off_the_pad_has_no_place(fields: dict[str, Any], point_m: Any) -> None:
-    assert pad_image(TAXELS | fields).place(point_m) is None
-
-
-@pytest.mark.parametrize(
-    "fields",
-    [
-        {"loads_n": None},
-        {"loads_n": [1.0]},
-        {"rows": 0, "loads_n": []},
-        {"rows": -2, "cols": -3},
-        {"rows": "2"},
-        {"rows": 1000, "cols": 1000, "loads_n": [0.0] * 1_000_000},
-    ],
-)
-def test_what_is_no_image_is_not_drawn(fields: dict[str, Any]) -> None:
-    assert pad_image(TAXELS | fields) is None

@@ -296,7 +296,7 @@ COURSES: dict[str, Course] = {
         {}, [RAISED, latched, quiet("stable", 5.0, 10_000), acknowledged, watch("stable", 5.0, 5, (10.0, 9.9, "calm"))],
     ),
     "A8 seldom where lowering has no effect": (
-        {}, [RAISED, CALM, watch("stable", 5.0, 1000, 5, 11, carried_out=False), force(10.0)],
+        {}, [RAISED, CALM, watch("stable", 5.0, 2000, 21, 21, carried_out=False), force(10.0)],
     ),
 }  # fmt: skip
 

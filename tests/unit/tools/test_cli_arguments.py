@@ -39,7 +39,7 @@ def test_shards_share_nothing_and_miss_nothing(of: int) -> None:
 
 @pytest.mark.parametrize("text", ["", "1", "0/2", "3/2", "a/b", "1/2/3", "-1/2", "1/0"])
 def test_what_is_no_share_is_refused_with_an_example(text: str) -> None:
-    with pytest.raises(ArgumentTypeError, match=r"for example 2/8, got"):
+    with pytest.raises(ArgumentTypeError, match=r"such as 2/8, got"):
         shard(text)
 
 

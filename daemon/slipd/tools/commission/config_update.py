@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import stat
+import tomllib
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -12,10 +13,9 @@ from pathlib import Path
 
 from slipd import config
 from slipd.config import Finger, Pad, Wrench
-from slipd.config.config_file import marked_keys
+from slipd.config.config_file import key_lines, lines_of, marked_keys
 from slipd.io.replaced_file import replace_file
 from slipd.tools.commission.touches import Findings
-from slipd.tools.config_edit import with_value
 
 PREVIOUS = ".previous"
 """Ending of the name of the config before the last change."""
@@ -132,3 +132,45 @@ def _toml(value: object) -> str:
     if isinstance(value, dict):
         return f"{{ {', '.join(f'{key} = {_toml(each)}' for key, each in value.items())} }}"
     return json.dumps(value)
+
+
+def with_value(text: str, path: tuple[str, ...], value: str, comment: str) -> str:
+    """Return a config with one key set, while the rest stays: tomllib does not write.
+
+    The key is replaced where it is. A missing key is added below the header of its table.
+
+    Args:
+        text: The config, valid TOML.
+        path: Tables and name of the key.
+        value: Its new value, as TOML, of one line or several.
+        comment: Where the value comes from; it replaces the comment behind the old value.
+
+    Raises:
+        ValueError: The table has no header line, so that the key cannot be placed.
+    """
+    lines = lines_of(text)
+    first, after, name = _place(lines, text, path)
+    end = "\r" if any(line.endswith("\r") for line in (lines[:first] + lines[after:])[:1]) else ""
+    new = [line + end for line in f"{name} = {value}  # {comment}".splitlines()]
+    return "\n".join([*lines[:first], *new, *(lines[after:] or [""])])
+
+
+def _place(lines: list[str], text: str, path: tuple[str, ...]) -> tuple[int, int, str]:
+    """Return the first line of a key, the line after it, and the key as written; a missing key has no lines."""
+    found = key_lines(text)
+    header = found.get(path[:-1])
+    if path in found and not lines[found[path] - 1].lstrip().startswith("["):
+        first = found[path] - 1
+        after = next(end for end in range(first + 1, len(lines) + 1) if _is_toml("\n".join([*lines[first:end], ""])))
+        return first, after, lines[first].split("=")[0].strip()
+    if header is not None and path not in found and lines[header - 1].lstrip().startswith("["):
+        return header, header, path[-1]
+    raise ValueError(f"must have a line [{'.'.join(path[:-1])}], to set {path[-1]} below it")
+
+
+def _is_toml(text: str) -> bool:
+    try:
+        tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        return False
+    return True

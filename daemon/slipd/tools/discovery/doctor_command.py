@@ -19,8 +19,7 @@ from slipd.errors import SlipdError, UsageError, one_line
 from slipd.events import Bytes, Event, HostNotice, LinkDown, LinkSpec, LinkUp
 from slipd.io.transport import Links
 from slipd.io.transport.link import Link
-from slipd.tools.discovery.capture import SUFFIX, Capture, Piece, read_capture
-from slipd.tools.discovery.examination import Finding, decode, examine
+from slipd.tools.discovery.examination import SUFFIX, Capture, Finding, Piece, decode, examine, read_capture
 from slipd.tools.discovery.port_probe import question_options
 
 OPEN_S = 3.0

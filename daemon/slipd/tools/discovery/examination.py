@@ -1,23 +1,97 @@
-"""Examine a capture: decode it as the daemon does, and compare the readings with what is expected of the device."""
+"""Examine a capture: decode it as the daemon does, and compare the readings with what is expected of the device.
+
+A capture is what a device sent and was sent, with times: a text file that can be sent to others and replayed as a test.
+Its first line is a map: format, versions, device, line and options. Each further line is a list: ns since the line was
+opened, "in" (from the device) or "out", and the bytes in hexadecimal. It names no port, host or user; the bytes are as
+they came, and may contain the serial number of the device.
+"""
 
 from __future__ import annotations
 
+import json
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal, cast
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, cast
 
 import numpy as np
 
+from slipd import __version__
 from slipd.devices import DEVICES, Device
 from slipd.devices.shared.device_interface import DecoderHealth
+from slipd.errors import SlipdError
 from slipd.events import LinkSpec
 from slipd.grasp.arm_motion import LEAST_MEAN_MPS2, MOST_MEAN_MPS2
 from slipd.links.link_health import why_silent
-from slipd.tools.discovery.capture import Capture
 from slipd.tools.discovery.port_probe import recognise
 from slipd.types.arrays import Array
 from slipd.types.samples import ArmSample, GripperSample, ObjectSample, Sample, TactileSample, WrenchSample
+
+FORMAT = 1
+SUFFIX = ".capture"
+
+
+class Piece(NamedTuple):
+    """Bytes of one read ("in", from the device) or write ("out"), and the time since the line was opened."""
+
+    t_ns: int
+    direction: Literal["in", "out"]
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Capture:
+    """What went over a line.
+
+    Attributes:
+        device: Name of the device that was expected.
+        package: Package that provides it, with its version.
+        transport: Kind of the line.
+        baud: Speed of a serial line, bit/s; 0 for others.
+        options: Options of its decoder or session.
+        seconds: Time for which the line was read.
+        pieces: The bytes, in the order of their times.
+        slipd: Version of slipd that wrote it.
+    """
+
+    device: str
+    package: str
+    transport: str
+    baud: int
+    options: Mapping[str, Any]
+    seconds: float
+    pieces: list[Piece] = field(default_factory=list)
+    slipd: str = __version__
+
+    def text(self) -> str:
+        """Return the file."""
+        head = {"capture": FORMAT} | {name: getattr(self, name) for name in _HEAD}
+        lines = [json.dumps((t_ns, direction, data.hex())) for t_ns, direction, data in self.pieces]
+        return "\n".join([json.dumps(head), *lines, ""])
+
+
+_HEAD = ("slipd", "device", "package", "transport", "baud", "options", "seconds")
+
+
+def read_capture(path: Path) -> Capture:
+    """Read a capture.
+
+    Raises:
+        SlipdError: The file cannot be read, or is not a capture.
+    """
+    try:
+        first, *lines = path.read_text(encoding="utf-8").splitlines()
+        head = json.loads(first)
+        if head["capture"] != FORMAT:
+            raise SlipdError(f"{path}: must be a capture of format {FORMAT}, got {head['capture']}")
+        pieces = [Piece(int(t_ns), way, bytes.fromhex(data)) for t_ns, way, data in map(json.loads, lines)]
+        return Capture(**{name: head[name] for name in _HEAD}, pieces=pieces)
+    except OSError as error:
+        raise SlipdError(f"{path}: cannot be read: {error.strerror}") from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise SlipdError(f"{path}: is not a capture of slipd doctor ({type(error).__name__}: {error})") from error
+
 
 MARGIN = 1.25
 """Factor by which a rate may differ from the one expected."""
@@ -25,10 +99,9 @@ MARGIN = 1.25
 LARGEST_N, LARGEST_NM = 10_000.0, 1_000.0
 """No force/torque sensor of a gripper measures more."""
 
-BUNCH_S = 0.005
-"""Readings that come together after a longer pause were held back on their way."""
+BUNCH_S, SILENCE_S = 0.005, 0.05
+"""Readings that come together after a longer pause were held back on their way; the longest usual pause."""
 
-SILENCE_S = 0.05
 CLOCK_ERROR = 0.01
 """Larger relative difference between the clocks of device and host: no crystal is that wrong."""
 
@@ -38,14 +111,8 @@ BAD_SHARE = 0.01
 Level = Literal["ok", "look", "wrong"]
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """One line of the report.
-
-    Attributes:
-        level: "ok", "look" if it is unusual, "wrong" if the device cannot be used like this.
-        text: What was found, and what to check.
-    """
+class Finding(NamedTuple):
+    """One line of the report: "look" is unusual, "wrong" means that the device cannot be used like this."""
 
     level: Level
     text: str
@@ -89,8 +156,8 @@ def decode(capture: Capture) -> Decoded:
             before = before if samples else listener.health.bad_bytes
         elif session is not None and t_ns > 0:
             session.on_time(t_ns)
-    state = session.state if session is not None else ""
-    return Decoded(samples, listener.health, before, state, session is not None and bool(session.identity))
+    state, identity = ("", "") if session is None else (session.state, session.identity)
+    return Decoded(samples, listener.health, before, state, bool(identity))
 
 
 def examine(capture: Capture, rate_hz: float | None = None) -> list[Finding]:
@@ -178,7 +245,8 @@ def _values(samples: Sequence[Sample]) -> Iterator[Finding]:
         return
     if isinstance(newest, ObjectSample):
         return
-    rows = [_numbers(sample) for sample in samples]
+    sensed = cast("Sequence[WrenchSample | TactileSample]", samples)
+    rows = [np.ravel(each.numbers if isinstance(each, WrenchSample) else each.values) for each in sensed]
     if len({len(row) for row in rows}) > 1:
         yield Finding("wrong", "the number of taxels changes from image to image")
         return
@@ -187,15 +255,13 @@ def _values(samples: Sequence[Sample]) -> Iterator[Finding]:
         yield Finding("wrong", "some values are not finite")
         return
     if len(values) > 1 and np.all(values == values[0]):
-        yield Finding(
-            "look", "every reading is the same to the last digit: is the sensor connected to its electronics?"
-        )
+        yield Finding("look", "every reading is the same to the last digit: is its electronics without a sensor?")
     if isinstance(newest, WrenchSample):
         yield from _wrench(values, has_torque=newest.has_torque)
         return
     flat = int(np.sum(np.all(values == values[0], axis=0)))
-    text = f"{values.shape[1]} values per image, from {values.min():g} to {values.max():g}, {flat} of them never change"
-    yield Finding("ok", text)
+    span = f"from {values.min():g} to {values.max():g}"
+    yield Finding("ok", f"{values.shape[1]} values per image, {span}, {flat} of them never change")
 
 
 def _arm(samples: Sequence[ArmSample]) -> Finding:
@@ -205,13 +271,6 @@ def _arm(samples: Sequence[ArmSample]) -> Finding:
     if LEAST_MEAN_MPS2 <= long_mps2 <= MOST_MEAN_MPS2:
         return Finding("ok", text)
     return Finding("wrong", f"{text}: it must be near 9.81; is it in g, or without gravity?")
-
-
-def _numbers(sample: Sample) -> Array:
-    """Return the values of a reading of a sensor."""
-    return (
-        np.array(sample.numbers) if isinstance(sample, WrenchSample) else np.ravel(cast("TactileSample", sample).values)
-    )
 
 
 def _wrench(values: Array, *, has_torque: bool) -> Iterator[Finding]:
@@ -229,13 +288,13 @@ def _wrench(values: Array, *, has_torque: bool) -> Iterator[Finding]:
 def _damage(decoded: Decoded, total: int) -> Iterator[Finding]:
     health = decoded.health
     bad = health.bad_bytes - decoded.bad_bytes_before
-    checks: list[tuple[int, str, Callable[[int], bool]]] = [
-        (bad, "bytes after the first reading belong to no frame", lambda count: count > BAD_SHARE * total),
-        (health.lost, "readings are missing by the device's own count", lambda count: count > health.good),
-        (health.duplicates, "readings were repeated", lambda _: False),
-        (health.restarts, "times the device's count began anew", lambda _: False),
-    ]
-    found = [Finding("wrong" if grave(count) else "look", f"{count} {text}") for count, text, grave in checks if count]
+    checks = (
+        (bad, "bytes after the first reading belong to no frame", bad > BAD_SHARE * total),
+        (health.lost, "readings are missing by the device's own count", health.lost > health.good),
+        (health.duplicates, "readings were repeated", False),
+        (health.restarts, "times the device's count began anew", False),
+    )
+    found = [Finding("wrong" if grave else "look", f"{count} {text}") for count, text, grave in checks if count]
     yield from found or [Finding("ok", "no damaged, lost or repeated reading")]
     for text in filter(None, (health.note, health.warning)):
         yield Finding("look", text)

@@ -247,7 +247,7 @@ class _Totals:
     def counted(self, runs: Iterable[Finished], show: Callable[[int], None]) -> Iterator[Finished]:
         """Yield the runs, and count them."""
         for found in runs:
-            self.count.update({"runs": 1, "kept": found.kept, "failed": isinstance(found.run, str)})
+            self.count.update({"runs": 1, "kept": int(found.kept), "failed": int(isinstance(found.run, str))})
             show(self.count["runs"])
             fault = found.run if isinstance(found.run, str) else found.run.fault
             if fault and len(self.faults) < SHOWN_FAULTS:

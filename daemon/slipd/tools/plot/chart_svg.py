@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from html import escape
+from typing import Any
+
+import numpy as np
 
 from slipd.tools.plot.binned_track import Held, Range, Window
 from slipd.tools.plot.chart import DARK_SPANS, SPAN_COLOURS, Curve, Panel, StripGroup, stretches, ticks, title_of
-from slipd.tools.plot.pad_picture import CENTROID, PadImage
+from slipd.types.arrays import Array
 
 WIDTH, LEFT, RIGHT = 1180, 150, 16
 """Width of the chart, and of what is beside the curves, px."""
@@ -157,24 +160,40 @@ def _time_axis(y: float, window: Window) -> Iterator[str]:
         yield _text("small middle", x, y + 6, f"{tick:g} s")
 
 
-def snapshot_svg(image: PadImage, marks: Sequence[tuple[str, list[float] | None]]) -> str:
-    """Return the image of a pad with the contact centroid and the pole, as they lie in the pad's frame.
+def snapshot_svg(image: Mapping[str, Any], verdict: Mapping[str, Any]) -> str:
+    """Return the image of a pad with the contact centroid (+) and the pole (o), X to the right and Y up.
 
     A load is a square that is the more opaque, the larger it is.
+
+    Args:
+        image: A message ``tactile`` with an image.
+        verdict: The message ``slip`` with centroid and pole; where they are missing, none is drawn.
     """
-    width, height = len(image.rows[0]) * TAXEL, len(image.rows) * TAXEL
+    loads = _picture(image)
+    rows, cols = loads.shape
+    width, height = cols * TAXEL, rows * TAXEL
     size = f'viewBox="0 0 {width} {height}" width="{width}" height="{height}"'
     parts = [f'<svg class="pad" {size} role="img" aria-label="image of the pad"><rect class="rest" {_FULL}/>']
-    for row, loads in enumerate(image.rows):
-        for column, load in enumerate(loads):
-            if load > 0.0:
-                place = f'x="{column * TAXEL}" y="{row * TAXEL}" width="{TAXEL}" height="{TAXEL}"'
-                parts.append(f'<rect class="load" {place} fill-opacity="{load:.2f}"/>')
-    for sign, point_m in marks:
-        if (place_taxels := image.place(point_m)) is not None:
-            x, y = (taxels * TAXEL for taxels in place_taxels)
-            parts.append((_CROSS if sign == CENTROID else _CIRCLE).format(x=x, y=y))
+    for (row, col), load in np.ndenumerate(loads / (loads.max() or 1.0)):
+        if load > 0.0:
+            place = f'x="{col * TAXEL}" y="{row * TAXEL}" width="{TAXEL}" height="{TAXEL}"'
+            parts.append(f'<rect class="load" {place} fill-opacity="{load:.2f}"/>')
+    for mark, point_m in ((_CROSS, verdict.get("centroid_m")), (_CIRCLE, verdict.get("pole_m"))):
+        if point_m is not None:
+            x, y = width / 2 + TAXEL * point_m[0] / image["pitch_m"], height / 2 - TAXEL * point_m[1] / image["pitch_m"]
+            parts += [mark.format(x=x, y=y)] if 0.0 <= x < width and 0.0 <= y < height else []
     return "".join([*parts, "</svg>"])
+
+
+def _picture(image: Mapping[str, Any]) -> Array:
+    """Return the loads in the pad's frame, shape (taxels along Y, from above; taxels along X)."""
+    scan = np.reshape(image["loads_n"], (image["rows"], image["cols"]))
+    down, across = image.get("rows_along", "+y"), image.get("cols_along", "+x")
+    if down.endswith("x"):
+        scan, down, across = scan.T, across, down
+    if across.startswith("-"):
+        scan = scan[:, ::-1]
+    return scan if down.startswith("-") else scan[::-1]
 
 
 _FULL = 'width="100%" height="100%"'

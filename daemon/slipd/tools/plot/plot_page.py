@@ -10,7 +10,6 @@ from slipd.config import Levels
 from slipd.tools.plot.binned_track import Window
 from slipd.tools.plot.chart import COLOURS, SPAN_COLOURS, chart
 from slipd.tools.plot.chart_svg import chart_svg, snapshot_svg
-from slipd.tools.plot.pad_picture import CENTROID, POLE
 from slipd.tools.plot.run_tracks import MOST_CHANGES, Change, ChangeLog, RunTracks
 from slipd_client.live_view_parts import UNKNOWN
 
@@ -82,8 +81,7 @@ def _snapshots(log: ChangeLog) -> Iterator[str]:
     yield f"<p>{note} X points right, Y up; + is the contact centroid, ○ the pole.</p>"
     yield '<div class="pads">'
     for change, image in log.snapshots:
-        marks = ((CENTROID, change.verdict.get("centroid_m")), (POLE, change.verdict.get("pole_m")))
-        yield f"<figure>{snapshot_svg(image, marks)}<figcaption>{_caption(change)}</figcaption></figure>"
+        yield f"<figure>{snapshot_svg(image, change.verdict)}<figcaption>{_caption(change)}</figcaption></figure>"
     yield "</div>"
 
 

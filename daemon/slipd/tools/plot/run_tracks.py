@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 from slipd.recording.reader import EventGaps
 from slipd.tools.plot.binned_track import NO_VALUE, BinnedTrack, Extent, Range, Window, later, widest
-from slipd.tools.plot.pad_picture import PadImage, pad_image
 from slipd_client.messages import GRASP_TOPIC, GRIPPER_TOPIC, MOTION_TOPIC, SEVERITY, STATUS_TOPIC, WARNING_TOPIC
 from slipd_client.messages.names import SlipLevel
 
@@ -145,15 +144,15 @@ class ChangeLog:
     Attributes:
         changes: The first ``MOST_CHANGES``, in order.
         count: Number of all.
-        snapshots: Rises to an alarm, each with the image of the pad then; the first ``MOST_SNAPSHOTS`` with one.
+        snapshots: Rises to an alarm, each with the newest image of the pad; the first ``MOST_SNAPSHOTS`` with one.
         alarms: Number of all rises to an alarm.
-        newest_images: The newest message ``tactile`` of each finger; none after a gap, because it does not show what
-            follows.
+        newest_images: The newest message ``tactile`` with an image of each finger; none after a gap, because it does
+            not show what follows.
     """
 
     def __init__(self) -> None:
         self.changes: list[Change] = []
-        self.snapshots: list[tuple[Change, PadImage]] = []
+        self.snapshots: list[tuple[Change, Mapping[str, Any]]] = []
         self.count = self.alarms = 0
         self.newest_images: dict[str, Mapping[str, Any]] = {}
         self._unfinished: dict[str, Change] = {}
@@ -173,10 +172,8 @@ class ChangeLog:
             return
         self.alarms += 1
         if len(self.snapshots) < MOST_SNAPSHOTS and finger in self.newest_images:
-            image = pad_image(self.newest_images[finger])
-            if image is not None:
-                self.snapshots.append((change, image))
-                self._unfinished[finger] = change
+            self.snapshots.append((change, self.newest_images[finger]))
+            self._unfinished[finger] = change
 
     def add_verdict(self, finger: str, body: Mapping[str, Any]) -> None:
         """Add a message ``slip``."""
@@ -219,7 +216,7 @@ class RunTracks:
         """Add a message of any topic."""
         t_s = self.gaps.time_s(body["t_ns"])
         kind, _, finger = topic.partition(".")
-        if kind == "tactile":
+        if kind == "tactile" and body["loads_n"] is not None:
             self.changes.newest_images[finger] = body
         if t_s < self.window.begin_s:
             return

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from slipd import config
 from slipd.errors import RecordingError
 from slipd.events import Bytes, Event, LinkSpec
-from slipd.tools.config_edit import with_numbers
+from slipd.tools.commission.config_update import with_value
 from slipd.tools.recordings.imported_run import START_NS, source_of, write_run
 from slipd.tools.sim.emulated_pads import encode_message
 from slipd.types.arrays import Array
@@ -155,9 +155,10 @@ def tared_config(config_text: str, file_name: str, pads: Mapping[str, Counts], r
         zero = counts[:rows].mean(axis=0)
         forces = (counts - zero).sum(axis=1) * np.array(pad.axis_scale)
         findings.extend(_findings(f"finger {name}, sensor {pad.sensor}", forces, rows, finger.min_normal_n))
-        comment = f"Unloaded counts, x y z of each taxel: mean of the first {rows} rows of the trial."
+        lines = [f"    {', '.join(map(repr, row))}," for row in zero.round(DIGITS).reshape(TAXELS // 4, -1).tolist()]
+        comment = f"unloaded counts, x y z of each taxel: mean of the first {rows} rows of the trial"
         try:
-            text = with_numbers(text, ("finger", name, "pad", "tare"), zero.ravel().round(DIGITS).tolist(), comment)
+            text = with_value(text, ("finger", name, "pad", "tare"), "\n".join(["[", *lines, "]"]), comment)
         except ValueError as error:
             raise RecordingError(f"{file_name}: {error}") from error
     config.parse(text, f"{file_name} with the tare of {rows} rows")

@@ -1,8 +1,8 @@
 """A box between two pads, with the true times at which it slips. Pure: time is an argument.
 
 The fingers close until they touch the box; the grip force follows the command with a lag; the loads of the script act.
-From contact on, the physical simulator `slipd.tools.sim.stickslip` moves the box: every cell of the contact sticks or
-slides by itself. The limit surface decides nothing here. It only gives the true utilisation, and when the poured load
+From contact on, the simulator `slipd.tools.sim.stepped_grasp` moves the box: every cell of the contact sticks or slides
+by itself. The limit surface decides nothing here. It only gives the true utilisation, and when the poured load
 would turn the box.
 
 Not modelled, because the script does not need it: growth of the patch with the force, tipping, the change of a lever
@@ -17,10 +17,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from slipd.tools.sim.bristle_kernels import Body
 from slipd.tools.sim.emulators import moved_jaws
 from slipd.tools.sim.scene_parts import FrictionLimit, Load, Patch, Script
-from slipd.tools.sim.stickslip.bristle_kernels import Body
-from slipd.tools.sim.stickslip.stepped_grasp import DAMPING_NS_PER_M3, STIFFNESS_N_PER_M3, FrictionLaw, SteppedGrasp
+from slipd.tools.sim.stepped_grasp import DAMPING_NS_PER_M3, STIFFNESS_N_PER_M3, FrictionLaw, SteppedGrasp
 from slipd.types.arrays import Array
 
 LARGEST_STEP_S = 0.002

@@ -7,11 +7,12 @@ set either; everything else is as it was.
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import re
 import socket
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,6 @@ from slipd.grasp.pad_place import Place
 from slipd.signals.gravity import FingerWeight
 from slipd.signals.mounting import mounting_matrix
 from slipd.signals.pad import PadGeometry
-from slipd.tools.sim.emulated_copy import with_other_port
 from slipd.tools.sim.emulated_pads import REST_COUNTS
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics, PvdfPad
 from slipd.tools.sim.emulators import Emulator, accepted, make_emulator
@@ -253,3 +253,12 @@ def _address(folder: Path, port: str, name: str, number: int) -> str:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM if kind == "udp" else socket.SOCK_STREAM) as free:
         free.bind((host, 0))
         return f"{'ws' if kind == 'websocket' else kind}://{host}:{free.getsockname()[1]}"
+
+
+def with_other_port(line: str, others: Mapping[str, str]) -> str:
+    """Return a line of a config with another port in place of its own, if ``others`` names one for it."""
+    for port, other in others.items():
+        for quoted in (json.dumps(port), f"'{port}'"):
+            if quoted in line:
+                return line.replace(quoted, json.dumps(other))
+    return line

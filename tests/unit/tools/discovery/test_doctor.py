@@ -24,8 +24,7 @@ from slipd.errors import SlipdError
 from slipd.events import HostNotice
 from slipd.tools.cli_commands import parser
 from slipd.tools.discovery import doctor_command as command
-from slipd.tools.discovery.capture import Capture, Piece
-from slipd.tools.discovery.examination import Finding, examine
+from slipd.tools.discovery.examination import Capture, Finding, Piece, examine
 from slipd.tools.discovery.port_probe import recognise
 from slipd.tools.sim.device_line import PtyLine
 from slipd.types.samples import TactileSample

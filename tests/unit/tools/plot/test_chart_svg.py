@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from slipd.tools.plot.binned_track import Held, Window
 from slipd.tools.plot.chart import Curve, Panel, Span, StripGroup
 from slipd.tools.plot.chart_svg import LEFT, PANEL, RIGHT, TAXEL, TITLE, WIDTH, chart_svg, snapshot_svg
-from slipd.tools.plot.pad_picture import CENTROID, POLE, PadImage, pad_image
 
 END_S = 10.0
 
@@ -104,15 +103,11 @@ def test_spans_stand_at_their_times_with_the_text_that_fits() -> None:
     assert "a finger with a name th…" in [each.text for each in of_class(root, "end")]
 
 
-def image(*loads: float) -> PadImage:
-    found = pad_image({"rows": 2, "cols": 2, "pitch_m": 0.01, "force_unit": "N", "loads_n": list(loads)})
-    assert found is not None
-    return found
+IMAGE = {"rows": 2, "cols": 2, "pitch_m": 0.01, "loads_n": [0.0, 4.0, 2.0, 2.0]}
 
 
 def test_a_snapshot_shows_loads_and_marks_in_the_frame_of_the_pad() -> None:
-    text = snapshot_svg(image(0.0, 4.0, 2.0, 2.0), ((CENTROID, [0.005, -0.005]), (POLE, [-0.005, 0.005])))
-    root = ElementTree.fromstring(text)
+    root = ElementTree.fromstring(snapshot_svg(IMAGE, {"centroid_m": [0.005, -0.005], "pole_m": [-0.005, 0.005]}))
     shown = {(each.get("x"), each.get("y")): each.get("fill-opacity") for each in of_class(root, "load")}
     zero, one = "0", f"{TAXEL}"
     assert shown == {(one, one): "1.00", (zero, zero): "0.50", (one, zero): "0.50"}, "the largest is at the lower right"
@@ -120,4 +115,24 @@ def test_a_snapshot_shows_loads_and_marks_in_the_frame_of_the_pad() -> None:
     assert cross.get("d", "").startswith(f"M{1.5 * TAXEL:.1f} {1.5 * TAXEL:.1f}m")
     (circle,) = root.iter("circle")
     assert (float(circle.get("cx", "")), float(circle.get("cy", ""))) == (0.5 * TAXEL, 0.5 * TAXEL)
-    assert "mark" not in snapshot_svg(image(0.0, 1.0, 2.0, 2.0), ((CENTROID, None), (POLE, [1.0, 0.0])))
+    assert "mark" not in snapshot_svg(IMAGE, {"centroid_m": None, "pole_m": [1.0, 0.0]})
+    assert "load" not in snapshot_svg(IMAGE | {"loads_n": [0.0] * 4}, {})
+
+
+@pytest.mark.parametrize(
+    ("rows_along", "cols_along", "place"),
+    [
+        ("+y", "+x", (2, 1)),
+        ("-y", "+x", (2, 0)),
+        ("+y", "-x", (0, 1)),
+        ("+x", "+y", (0, 0)),
+        ("-x", "+y", (1, 0)),
+        ("+x", "-y", (0, 2)),
+        ("-x", "-y", (1, 2)),
+    ],
+)
+def test_the_scan_of_a_pad_may_run_in_any_direction(rows_along: str, cols_along: str, place: tuple[int, int]) -> None:
+    scan = {"rows": 2, "cols": 3, "pitch_m": 0.01, "loads_n": [0.0, 0.0, 4.0, 0.0, 0.0, 0.0]}
+    root = ElementTree.fromstring(snapshot_svg(scan | {"rows_along": rows_along, "cols_along": cols_along}, {}))
+    (load,) = of_class(root, "load")
+    assert (load.get("x"), load.get("y")) == tuple(str(TAXEL * at) for at in place)

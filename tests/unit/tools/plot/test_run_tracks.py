@@ -98,7 +98,7 @@ def test_an_alarm_has_the_image_centroid_and_pole_of_its_reading(run: Any) -> No
     log = run.tracks.changes
     ((change, image),) = log.snapshots
     assert (change.t_s, change.warning["finger"], change.warning["reasons"]) == (1.0, "left", ["rotation"])
-    assert (image.peak, log.count, log.alarms) == (4.0, 1, 1)
+    assert (image["loads_n"][-1], log.count, log.alarms) == (4.0, 1, 1)
     assert (change.verdict["centroid_m"], change.verdict["pole_m"]) == ([0.001, 0.002], [0.003, 0.004])
 
 

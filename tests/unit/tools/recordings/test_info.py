@@ -62,7 +62,9 @@ def test_what_a_run_holds_is_counted(tmp_path: Path, capsys: pytest.CaptureFixtu
     } <= set(lines)
 
 
-def test_what_is_missing_is_stated_with_what_repairs_it_and_the_answer_is_no(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_missing_is_stated_with_what_repairs_it_and_the_answer_is_no(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["info", str(lossy(DEMO, tmp_path))]) == 1
     shown = capsys.readouterr().out
     assert ("complete:  no: " in shown, "slipd recover" in shown) == (True, False), "there is nothing to recover"

@@ -9,7 +9,7 @@ import pytest
 from slipd import config
 from slipd.errors import SlipdError
 from slipd.tools.commission.config_update import changed_text
-from slipd.tools.sim.emulated_copy import emulated_copy, keep, with_changes
+from slipd.tools.sim.emulate_command import emulated_copy, keep, with_changes
 from slipd.tools.sim.touched_devices import TouchedDevices
 
 RIG = """# Two fingers.
