@@ -32,7 +32,7 @@ RIG = one_of(
 RECORD = argument("--record", type=Path, metavar="FILE", help="record every event and message to this new file")
 SEED = argument("--seed", type=int, default=0, metavar="N", help="seed of the noise (default 0)")
 NAME = argument("name", metavar="NAME", help="name, as the list shows it")
-NAME_OR_ALL = argument("name", nargs="?", metavar="NAME", help="name, as the list shows it (default: print the list)")
+NAME_OR_ALL = argument("name", nargs="?", metavar="NAME", help="name (default: print the list)")
 SERVICE = (
     one_of(
         argument("--system", action="store_true", help="for all users; as root"),
@@ -145,13 +145,7 @@ COMMANDS = (
                 help="name of the device, as slipd devices lists it; not for a capture",
             ),
             argument("--seconds", type=positive, default=10.0, metavar="S", help="how long to read (default 10)"),
-            argument(
-                "--rate",
-                dest="rate_hz",
-                type=positive,
-                metavar="HZ",
-                help="expected readings per second (default: any rate of the device)",
-            ),
+            argument("--rate", dest="rate_hz", type=positive, metavar="HZ", help="expected readings/s (default: any)"),
             argument("--baud", type=int, metavar="N", help="line speed, bit/s (default: the device's)"),
             argument(
                 "--options", default="", metavar="TOML", help="options of the device, such as 'rows = 8, cols = 16'"
@@ -161,7 +155,7 @@ COMMANDS = (
                 type=Path,
                 default=Path(),
                 metavar="DIR",
-                help="folder for report and capture (default: this one)",
+                help="folder of report and capture (default: this one)",
             ),
         ),
         "Nothing moves: a gripper is only asked for its status. Writes a report and a capture of the bytes, which name "
@@ -208,9 +202,7 @@ COMMANDS = (
                 help="only this finger; may be given several times",
             ),
             argument("--publish", metavar="ENDPOINT", help="where slipd publishes (default: as the config states)"),
-            argument(
-                "--requests", metavar="ENDPOINT", help="where slipd accepts requests (default: as the config states)"
-            ),
+            argument("--requests", metavar="ENDPOINT", help="where it accepts requests (default: likewise)"),
             argument(
                 "--patience",
                 dest="patience_s",
@@ -254,13 +246,11 @@ COMMANDS = (
                 dest="folder",
                 type=Path,
                 metavar="DIR",
-                help="folder for the emulated ports and the copy of the config (default: a temporary one)",
+                help="folder for ports and copy (default: a temporary one)",
             ),
             argument("--script", type=Path, metavar="FILE", help="carry out the commands of this file first"),
             argument(
-                "--unkind",
-                action="store_true",
-                help="give the sensors the wrong clocks, unequal taxels and bad lines of real ones",
+                "--unkind", action="store_true", help="give the sensors the clocks, taxels and lines of real ones"
             ),
             SEED,
         ),
