@@ -101,12 +101,7 @@ RECORDING_COMMANDS = (
         "draw a recording: levels, utilisation, forces, friction, health, pads",
         (
             RECORDING,
-            argument(
-                "--beside",
-                type=Path,
-                metavar="RECORDING",
-                help="draw this recording beside the first one, on the same time axis",
-            ),
+            argument("--beside", type=Path, metavar="RECORDING", help="draw this one beside the first"),
             argument(
                 "--out",
                 type=file_in(".html", "; a browser prints the page as a picture"),
