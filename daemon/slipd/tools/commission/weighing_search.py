@@ -100,9 +100,6 @@ MOST_LEVER_M = 0.25
 SURELY_MM_M = 1.0
 """A longer lever follows from torques in N·mm, which make it a thousand times as long: every true one exceeds 1 mm."""
 
-WXYZ = "the orientations were given in the order w, x, y, z, and are read so"
-
-
 LEAST_SPREAD = 1e-12
 """Forces that spread less across their main direction than this part of what they spread along it are on one line."""
 
@@ -115,13 +112,11 @@ class Pose:
         force: Force, shape (3,), N.
         torque: Torque about the origin of the sensor, shape (3,), N·m.
         gravity: Gravity in the pad frame, shape (3,), m/s².
-        wxyz: The same, if the numbers of a typed orientation are read in the order w, x, y, z; None if none was typed.
     """
 
     force: Array
     torque: Array
     gravity: Array
-    wxyz: Array | None = None
 
 
 @dataclass(slots=True)
@@ -159,7 +154,7 @@ def find_weight(poses: Sequence[Pose], present: Mount) -> WeightFindings:
         present: Mounting of the sensor by the config, or by the touches.
     """
     findings = WeightFindings()
-    gravities = _gravities(poses, findings)
+    gravities = np.array([pose.gravity for pose in poses])
     wrenches = np.array([present.matrix @ np.concatenate((pose.force, pose.torque)) for pose in poses])
     try:
         findings.found = _weigh(poses, wrenches, gravities, present, findings)
@@ -237,21 +232,6 @@ def _fit(forces: Array, gravities: Array) -> _Fit | None:
     turned = sign * rotation.apply(forces)
     weight_n, _, _ = _centred(turned, gravities)
     return _Fit(sign, rotation, weight_n / STANDARD_GRAVITY_MPS2, force_misfit(turned, gravities))
-
-
-def _gravities(poses: Sequence[Pose], findings: WeightFindings) -> Array:
-    """Return gravity in each pose; orientations that fit only as w, x, y, z are read so."""
-    stated = np.array([pose.gravity for pose in poses])
-    others = [pose.wxyz for pose in poses]
-    if any(other is None for other in others):
-        return stated
-    turned = np.array(others)
-    forces = np.array([pose.force for pose in poses])
-    misfits = [math.inf if (fit := _fit(forces, each)) is None else fit.misfit for each in (stated, turned)]
-    if misfits[0] > MOST_MISFIT >= misfits[1]:
-        findings.notes.append(WXYZ)
-        return turned
-    return stated
 
 
 def _wrong_force(mass_kg: float) -> str:

@@ -78,16 +78,15 @@ def _take_pose(step: str, rig: Config, fingers: Sequence[str], poses: dict[str, 
     number = list(POSES).index(step) + 1
     text = f"Pose {number} of {len(POSES)}: turn the gripper so that {words.format(finger=fingers[0])}; hold still."
     prompt = Prompt(step, text, fingers[0], (READY, NOT_POSSIBLE, SKIP), FREE.format(finger=fingers[0]))
-    gravities = yield from _gravity(prompt, down)
-    if gravities is None:
+    gravity = yield from _gravity(prompt, down)
+    if gravity is None:
         return
     wrenches = yield from _still(rig, fingers)
     taken: dict[str, Pose] = {}
     for index, name in enumerate(fingers):
         matrix = mount_of(_sensor(rig, name)).matrix
         raw = np.asarray(np.linalg.solve(matrix, wrenches[name]), dtype=np.float64)
-        stated, wxyz = gravities if index == 0 else (gravities[0] * MIRROR, None)
-        taken[name] = Pose(raw[:3], raw[3:], stated, wxyz)
+        taken[name] = Pose(raw[:3], raw[3:], gravity if index == 0 else gravity * MIRROR)
     poses[step] = taken
 
 
@@ -126,22 +125,18 @@ def _check_no_gravity(fingers: Sequence[str]) -> Steps[None]:
             )
 
 
-def _gravity(prompt: Prompt, down: Sequence[float]) -> Steps[tuple[Array, Array | None] | None]:
+def _gravity(prompt: Prompt, down: Sequence[float]) -> Steps[Array | None]:
     """Return gravity in the frame of the first pad as asked for or as typed; None if the pose is not possible."""
     while True:
         word = yield from choose(prompt)
         if word == READY:
-            return np.array(down) * STANDARD_GRAVITY_MPS2, None
+            return np.array(down) * STANDARD_GRAVITY_MPS2
         if word == NOT_POSSIBLE:
             return None
         try:
-            numbers = parse_numbers(word)
-            stated = _at_rest(gravity_of(numbers))
+            return _at_rest(gravity_of(parse_numbers(word)))
         except CallError as error:
             yield Say(f"  {error}. Or choose: {', '.join(prompt.choices)}")
-            continue
-        w_first = [*numbers[1:], numbers[0]]
-        return stated, np.array(gravity_of(w_first)) if len(numbers) == 4 else None
 
 
 def _at_rest(vector: Sequence[float]) -> Array:

@@ -7,14 +7,17 @@ The format is that of `lerobot.datasets` (its ``CODEBASE_VERSION`` v3.0): ``meta
 from __future__ import annotations
 
 import json
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from slipd.tools.export.frames import QUANTILES, Feature, FeatureStats, Frame, FrameLayout
+from slipd.tools.export.frames import Feature, Frame, FrameLayout
 from slipd.tools.outputs import parquet_file, parquet_library, parquet_rows
 
 ROBOT = "slipd"
@@ -26,11 +29,11 @@ FILE_MB = 100
 """Size of a file of frames after which the next episode begins another one, MB, as in LeRobot."""
 
 FILES_OF_CHUNK = 1000
-BLOCK = 4096
-"""Frames that are written at once: some megabytes with the taxels of two pads."""
-
 COUNTERS = tuple(Feature(name, (name,), "int64") for name in ("frame_index", "episode_index", "index", "task_index"))
 TIMESTAMP = Feature("timestamp", ("timestamp",))
+QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
+"""Names and levels of the quantiles that LeRobot keeps."""
+
 STATS = ("min", "max", "mean", "std", "count", *QUANTILES)
 
 
@@ -69,7 +72,7 @@ def lerobot_dataset(folder: Path, layout: FrameLayout, rate_hz: int, task: str) 
 
 
 class LerobotDataset:
-    """Writes the frames and episodes of a data set.
+    """Writes the frames and episodes of a data set; the frames of one episode are kept in memory.
 
     Args:
         folder: Its folder.
@@ -93,96 +96,127 @@ class LerobotDataset:
         files: ExitStack,
     ) -> None:
         self.episodes = self.frames = 0
-        self.stats = _stats(features)
+        self.stats: dict[str, FeatureStats] = {}
         self._folder, self._features, self._rate_hz = folder, features, rate_hz
         self._add_episode, self._files = add_episode, files
-        self._schema = _frame_schema(features)
-        self._put: Callable[[Any], None] | None = None
+        self._put: Callable[[Any], None] = lambda _: None
         self._file: Path | None = None
         self._number = -1
-        self._block = {each.name: np.empty((BLOCK, len(each.names)), each.dtype) for each in features}
-        self._used = self._before = 0
-        self._of_episode = _stats(features)
+        self._rows: dict[str, list[npt.NDArray[np.generic]]] = defaultdict(list)
 
     def add(self, frame: Frame) -> None:
-        """Write the next frame of the present episode."""
-        if self.frames == self._before:
-            self._begin_episode()
-        in_episode = self.frames - self._before
-        counters = {
-            "timestamp": in_episode / self._rate_hz,
-            "frame_index": in_episode,
-            "episode_index": self.episodes,
-            "index": self.frames,
-            "task_index": 0,
-        }
-        for name, numbers in (*frame.items(), *counters.items()):
-            self._block[name][self._used] = numbers
+        """Add the next frame of the present episode."""
+        for name, numbers in frame.items():
+            self._rows[name].append(numbers.copy())
         self.frames += 1
-        self._used += 1
-        if self._used == BLOCK:
-            self._flush()
 
     def end_episode(self, recording: str, begin_unix_ns: int, task: str) -> None:
-        """End the present episode, which has a frame at least.
+        """Write the present episode, which has a frame at least.
 
         Args:
             recording: Name of the recording that it comes from.
             begin_unix_ns: Time of its first frame, ns since 1970.
             task: What the robot does, in a sentence.
         """
-        self._flush()
+        rows = {name: np.array(numbers) for name, numbers in self._rows.items()}
+        self._rows.clear()
+        number = np.arange(len(next(iter(rows.values()))))[:, None]
+        first = self.frames - len(number)
+        rows |= {
+            "timestamp": number / self._rate_hz,
+            "frame_index": number,
+            "episode_index": np.full_like(number, self.episodes),
+            "index": number + first,
+            "task_index": np.zeros_like(number),
+        }
+        self._write(rows)
+        stats = {name: FeatureStats.of(numbers) for name, numbers in rows.items()}
+        self.stats = {name: each.with_others(self.stats.get(name)) for name, each in stats.items()}
         chunk, file = divmod(self._number, FILES_OF_CHUNK)
-        stats = {name: each.summary() for name, each in self._of_episode.items()}
         self._add_episode(
             {
                 "episode_index": self.episodes,
                 "tasks": [task],
-                "length": self.frames - self._before,
+                "length": len(number),
                 "data/chunk_index": chunk,
                 "data/file_index": file,
-                "dataset_from_index": self._before,
+                "dataset_from_index": first,
                 "dataset_to_index": self.frames,
                 "recording": recording,
                 "begin_unix_ns": begin_unix_ns,
-                **{f"stats/{name}/{key}": value for name, found in stats.items() for key, value in found.items()},
+                **{f"stats/{name}/{key}": value for name, one in stats.items() for key, value in one.summary().items()},
                 "meta/episodes/chunk_index": 0,
                 "meta/episodes/file_index": 0,
             }
         )
         self.episodes += 1
-        self._before, self._of_episode = self.frames, _stats(self._features)
 
-    def _begin_episode(self) -> None:
-        """Open the next file of frames where the present one is full."""
-        if self._file is not None and self._file.stat().st_size < FILE_MB * 1_000_000:
-            return
-        self._files.close()
-        self._number += 1
-        chunk, file = divmod(self._number, FILES_OF_CHUNK)
-        self._file = self._folder / DATA_PATH.format(chunk_index=chunk, file_index=file)
-        self._file.parent.mkdir(parents=True, exist_ok=True)
-        self._put = self._files.enter_context(parquet_file(self._file, self._schema))
-
-    def _flush(self) -> None:
+    def _write(self, rows: dict[str, npt.NDArray[Any]]) -> None:
+        """Write the frames of an episode, in the next file where the present one is full."""
         import pyarrow as arrow
 
-        if not self._used or self._put is None:
-            return
+        schema = _frame_schema(self._features)
+        if self._file is None or self._file.stat().st_size >= FILE_MB * 1_000_000:
+            self._files.close()
+            self._number += 1
+            chunk, file = divmod(self._number, FILES_OF_CHUNK)
+            self._file = self._folder / DATA_PATH.format(chunk_index=chunk, file_index=file)
+            self._file.parent.mkdir(parents=True, exist_ok=True)
+            self._put = self._files.enter_context(parquet_file(self._file, schema))
         arrays = []
-        for field in self._schema:
-            rows = self._block[field.name][: self._used]
-            numbers = arrow.array(rows.ravel())
-            size = rows.shape[1]
-            arrays.append(numbers if size == 1 else arrow.FixedSizeListArray.from_arrays(numbers, size))
-            self.stats[field.name].add(rows.astype(np.float64))
-            self._of_episode[field.name].add(rows.astype(np.float64))
-        self._put(arrow.Table.from_arrays(arrays, schema=self._schema))
-        self._used = 0
+        for each in self._features:
+            numbers = arrow.array(rows[each.name].astype(each.dtype).ravel())
+            arrays.append(
+                numbers if len(each.names) == 1 else arrow.FixedSizeListArray.from_arrays(numbers, len(each.names))
+            )
+        self._put(arrow.Table.from_arrays(arrays, schema=schema))
 
 
-def _stats(features: tuple[Feature, ...]) -> dict[str, FeatureStats]:
-    return {each.name: FeatureStats(len(each.names)) for each in features}
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FeatureStats:
+    """Statistics of each number of a feature over frames; values that are not known (NaN) do not count.
+
+    Attributes:
+        frames: Number of frames.
+        known: In how many each number is known, shape (numbers,).
+        values: Minimum, maximum, mean, variance and `QUANTILES` of each number, shape (4 + quantiles, numbers); 0 for
+            one that was never known.
+    """
+
+    frames: int
+    known: Floats
+    values: Floats
+
+    @classmethod
+    def of(cls, rows: npt.NDArray[Any]) -> FeatureStats:
+        """Return the statistics of frames, shape (frames, numbers)."""
+        numbers = rows.astype(np.float64)
+        known = np.isfinite(numbers).sum(axis=0)
+        numbers[:, known == 0] = 0.0
+        parts = [each(numbers, axis=0) for each in (np.nanmin, np.nanmax, np.nanmean, np.nanvar)]
+        return cls(len(rows), known, np.vstack((*parts, np.nanquantile(numbers, [*QUANTILES.values()], axis=0))))
+
+    def with_others(self, others: FeatureStats | None) -> FeatureStats:
+        """Return the statistics of these and other frames; the quantiles are means of theirs, as in LeRobot."""
+        if others is None:
+            return self
+        known = self.known + others.known
+        share = np.divide(self.known, known, out=np.zeros_like(self.values[0]), where=known > 0)
+        values = share * self.values + (1.0 - share) * others.values
+        values[3] += share * (1.0 - share) * (self.values[2] - others.values[2]) ** 2
+        for row, larger in ((0, np.minimum), (1, np.maximum)):
+            both = larger(self.values[row], others.values[row])
+            values[row] = np.where(share == 0.0, others.values[row], np.where(share == 1.0, self.values[row], both))
+        return FeatureStats(self.frames + others.frames, known, values)
+
+    def summary(self) -> dict[str, list[float] | list[int]]:
+        """Return LeRobot's statistics by name."""
+        least, largest, mean, variance, *quantiles = self.values.tolist()
+        found = {"min": least, "max": largest, "mean": mean, "std": np.sqrt(variance).tolist(), "count": [self.frames]}
+        return found | dict(zip(QUANTILES, quantiles, strict=True))
 
 
 def _frame_schema(features: tuple[Feature, ...]) -> Any:

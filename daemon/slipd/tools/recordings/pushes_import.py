@@ -58,8 +58,10 @@ def read_pushes(source: Path) -> Pushes:
         else:
             with source.open("rb") as opened, np.load(opened) as file:
                 parts = {name: file[name].astype(np.float64) for name in TOPICS}
-    except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
-        raise RecordingError(f"{source}: cannot be read as pushes: {error}") from error
+    except OSError as error:
+        raise RecordingError(f"{source}: cannot be read: {error.strerror}") from error
+    except (KeyError, ValueError, zipfile.BadZipFile):
+        raise RecordingError(f"{source}: must be a ROS 1 bag (.bag), or NPZ with {', '.join(TOPICS)}") from None
     for name, columns in (("wrench", 7), ("object", 4), ("pusher", 4)):
         part = parts[name]
         if part.ndim != 2 or part.shape[1] != columns or len(part) < 2 or not np.isfinite(part).all():

@@ -87,8 +87,10 @@ def read_papillarray(source: Path) -> TaxelTrial:
     """
     try:
         table = np.loadtxt(source, delimiter=",", ndmin=2)
-    except (OSError, ValueError) as error:
-        raise RecordingError(f"{source}: cannot be read: {error}") from error
+    except OSError as error:
+        raise RecordingError(f"{source}: cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise RecordingError(f"{source}: must be a table of numbers in CSV: {error}") from error
     columns = 1 + PILLARS * PILLAR_COLUMNS
     if table.shape[1] != columns:
         raise RecordingError(f"{source}: must have {columns} columns, got {table.shape[1]}")

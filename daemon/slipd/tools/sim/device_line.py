@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import os
 import select
-import socket
 import tty
 from abc import ABC, abstractmethod
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Sequence
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlsplit
 
 import zmq
@@ -18,7 +19,10 @@ from websockets.exceptions import ConnectionClosed
 
 READ_BYTES = 65_536
 PIECES_PER_LOOK = 64
-"""Most pieces read at once from a host that floods the line."""
+"""Most pieces kept of a host that floods the line, until they are read."""
+
+RETRY_S = 0.01
+"""Time between two attempts to connect to a daemon that does not serve yet, s."""
 
 SEND_AHEAD = 64
 """Messages queued for a daemon that does not read."""
@@ -32,6 +36,11 @@ class Line(ABC):
 
     _opened = False
     _received: Sequence[bytes] = ()
+
+    def _receive(self, data: bytes) -> None:
+        """Keep a piece for `listen`; a host that floods the line loses the rest."""
+        if len(self._received) < PIECES_PER_LOOK:
+            self._received = [*self._received, data]
 
     def listen(self) -> tuple[bool, list[bytes]]:
         """Return whether the line has been opened since the last call, and the pieces written to it since."""
@@ -59,18 +68,31 @@ async def open_line(address: str) -> AsyncIterator[Line]:
         OSError: The address cannot be served.
         ValueError: The address is invalid.
     """
-    scheme = address.partition("://")[0] if "://" in address else ""
-    if scheme == "ws":
-        websocket = _WebsocketLine()
-        async with serve(websocket.serve_client, *_host_and_port(address), compression=None):
+    scheme, _, place = address.partition("://")
+    async with contextlib.AsyncExitStack() as stack:
+        if "://" not in address:
+            yield stack.enter_context(contextlib.closing(PtyLine(address)))
+        elif scheme == "ipc":
+            yield stack.enter_context(contextlib.closing(_PushLine(address)))
+        elif scheme == "ws":
+            websocket = _WebsocketLine()
+            await stack.enter_async_context(serve(websocket.serve, *_host_and_port(address), compression=None))
             yield websocket
-        return
-    if scheme not in _KINDS:
-        raise ValueError(
-            f"{address}: must be a path, udp://, tcp:// or ws:// with HOST:PORT, ipc:///PATH or unix:///PATH"
-        )
-    with contextlib.closing(_KINDS[scheme](address)) as line:
-        yield line
+        elif scheme == "udp":
+            datagrams, loop = _DatagramLine(), asyncio.get_running_loop()
+            await loop.create_datagram_endpoint(lambda: datagrams, _host_and_port(address))
+            yield stack.enter_context(contextlib.closing(datagrams))
+        elif scheme in ("tcp", "unix"):
+            stream = _StreamLine()
+            if scheme == "tcp":
+                await stack.enter_async_context(await asyncio.start_server(stream.serve, *_host_and_port(address)))
+            else:
+                stack.callback(asyncio.create_task(stream.connect(place)).cancel)
+            yield stack.enter_context(contextlib.closing(stream))
+        else:
+            raise ValueError(
+                f"{address}: must be a path, udp://, tcp:// or ws:// with HOST:PORT, ipc:///PATH or unix:///PATH"
+            )
 
 
 def _host_and_port(address: str) -> tuple[str, int]:
@@ -138,86 +160,56 @@ class PtyLine(Line):
         os.close(self._fd)
 
 
-class _UdpLine(Line):
+class _DatagramLine(Line, asyncio.DatagramProtocol):
     """Answer the last sender, as such sensors do."""
 
-    def __init__(self, address: str) -> None:
-        place = _host_and_port(address)
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.bind(place)
-        self._socket.setblocking(False)
-        self._peer: tuple[str, int] | None = None
+    _peer: tuple[str, int] | None = None
 
-    def listen(self) -> tuple[bool, list[bytes]]:
-        received: list[bytes] = []
-        before = self._peer
-        with contextlib.suppress(OSError):  # nothing more to read, or the peer has closed its socket
-            while len(received) < PIECES_PER_LOOK:
-                data, self._peer = self._socket.recvfrom(READ_BYTES)
-                received.append(data)
-        return self._peer != before, received
+    def connection_made(self, transport: Any) -> None:
+        self._transport: asyncio.DatagramTransport = transport
+
+    def datagram_received(self, data: bytes, peer: tuple[str, int]) -> None:
+        self._opened, self._peer = self._opened or peer != self._peer, peer
+        self._receive(data)
 
     def send(self, pieces: Sequence[bytes]) -> None:
         if self._peer is not None:
-            with contextlib.suppress(OSError):
-                for piece in pieces:
-                    self._socket.sendto(piece, self._peer)
+            for piece in pieces:
+                self._transport.sendto(piece, self._peer)
 
     def close(self) -> None:
-        self._socket.close()
+        self._transport.abort()
 
 
 class _StreamLine(Line):
-    """One host at a time, over a stream socket."""
+    """Serve one host at a time over a stream; a new one replaces it."""
 
-    _host: socket.socket | None = None
+    _host: asyncio.StreamWriter | None = None
+
+    async def serve(self, reader: asyncio.StreamReader, host: asyncio.StreamWriter) -> None:
+        self.close()
+        self._host, self._opened, self._received = host, True, ()
+        with contextlib.suppress(OSError):
+            while data := await reader.read(READ_BYTES):
+                self._receive(data)
+        if self._host is host:
+            self.close()
+
+    async def connect(self, path: str) -> None:
+        """Connect to a daemon once it serves, and again after it was gone."""
+        while True:
+            with contextlib.suppress(OSError):
+                await self.serve(*await asyncio.open_unix_connection(path))
+            await asyncio.sleep(RETRY_S)
 
     def send(self, pieces: Sequence[bytes]) -> None:
-        data = b"".join(pieces)
-        if data and self._host is not None:
-            with contextlib.suppress(OSError):
-                self._host.send(data)
+        if self._host is not None and not self._host.transport.get_write_buffer_size():
+            self._host.write(b"".join(pieces))
 
     def close(self) -> None:
         if self._host is not None:
-            self._host.close()
+            self._host.transport.abort()
             self._host = None
-
-    def _read(self) -> list[bytes]:
-        """Return what the host wrote; one that hung up is left."""
-        if self._host is None:
-            return []
-        try:
-            data = self._host.recv(READ_BYTES)
-        except BlockingIOError:
-            return []
-        except OSError:
-            data = b""
-        if not data:
-            _StreamLine.close(self)
-        return [data] if data else []
-
-
-class _TcpLine(_StreamLine):
-    """Serve one host at a time; a new one replaces it."""
-
-    def __init__(self, address: str) -> None:
-        self._server = socket.create_server(_host_and_port(address))
-        self._server.setblocking(False)
-
-    def listen(self) -> tuple[bool, list[bytes]]:
-        with contextlib.suppress(BlockingIOError):
-            host, _ = self._server.accept()
-            super().close()
-            host.setblocking(False)
-            host.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            self._host = host
-            return True, []
-        return False, self._read()
-
-    def close(self) -> None:
-        super().close()
-        self._server.close()
 
 
 class _PushLine(Line):
@@ -241,47 +233,19 @@ class _PushLine(Line):
         self._context.destroy(linger=0)
 
 
-class _DriverLine(_StreamLine):
-    """Connect to a daemon once it serves, and again after it was gone."""
-
-    def __init__(self, address: str) -> None:
-        self._path = address.removeprefix("unix://")
-
-    def listen(self) -> tuple[bool, list[bytes]]:
-        if self._host is not None:
-            return False, self._read()
-        made = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        made.setblocking(False)
-        try:
-            made.connect(self._path)
-        except OSError:
-            made.close()
-            return False, []
-        self._host = made
-        return True, []
-
-
 class _WebsocketLine(Line):
     def __init__(self) -> None:
         self._clients: set[ServerConnection] = set()
 
-    async def serve_client(self, client: ServerConnection) -> None:
+    async def serve(self, client: ServerConnection) -> None:
         self._clients.add(client)
         self._opened = True
         try:
             while True:
-                data = await client.recv(decode=False)
-                if len(self._received) < PIECES_PER_LOOK:
-                    self._received = [*self._received, data]
+                self._receive(await client.recv(decode=False))
         except ConnectionClosed:
             self._clients.discard(client)
 
     def send(self, pieces: Sequence[bytes]) -> None:
         for piece in pieces:
             broadcast(self._clients, piece.decode())
-
-
-_KINDS: dict[str, Callable[[str], Line]] = {
-    "": PtyLine, "udp": _UdpLine, "tcp": _TcpLine, "ipc": _PushLine, "unix": _DriverLine
-}  # fmt: skip
-"""The kinds of lines by the scheme of their address, but for that of a WebSocket."""

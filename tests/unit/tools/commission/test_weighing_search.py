@@ -14,7 +14,6 @@ from slipd.signals.gravity import FingerWeight
 from slipd.signals.mounting import mounting_matrix
 from slipd.tools.commission.touches import Mount
 from slipd.tools.commission.weighing_search import (
-    WXYZ,
     Pose,
     WeightFindings,
     find_weight,
@@ -119,18 +118,3 @@ def test_no_weight_follows_from_one_direction_of_gravity() -> None:
     wrenches = np.array([np.concatenate((pose.force, pose.torque)) for pose in made])
     gravities = np.array([pose.gravity for pose in made])
     assert force_misfit(wrenches, gravities) == torque_misfit(wrenches, gravities, 0.03) == math.inf
-
-
-def test_quaternions_in_the_order_w_x_y_z_are_found() -> None:
-    rotations = Rotation.from_euler(
-        "xyz", [(0, 0, 0), (90, 0, 0), (0, 70, 0), (140, 30, 20), (30, -80, 10)], degrees=True
-    )
-    down = [each.inv().apply((0.0, 0.0, -9.80665)) for each in rotations]
-    wrong = [Rotation.from_quat(np.roll(each.as_quat(), 1)).inv().apply((0.0, 0.0, -9.80665)) for each in rotations]
-    made = [
-        Pose(each.force, each.torque, mistaken, each.gravity)
-        for each, mistaken in zip(poses(down=down), wrong, strict=True)
-    ]
-    findings = find_weight(made, TRUE)
-    assert findings.notes[0] == WXYZ
-    assert findings.found.mass_kg == pytest.approx(0.08, rel=0.001)

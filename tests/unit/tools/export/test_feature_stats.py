@@ -1,14 +1,16 @@
-"""Statistics in blocks are those of the whole, and leave out what is not known."""
+"""Statistics of episodes make those of the whole, and leave out what is not known."""
 
 from __future__ import annotations
+
+import functools
 
 import numpy as np
 import pytest
 
-from slipd.tools.export.frames import QUANTILES, FeatureStats
+from slipd.tools.export.lerobot_dataset import QUANTILES, FeatureStats
 
 
-def blocks(sizes: list[int], missing: float) -> list[np.ndarray]:
+def episodes(sizes: list[int], missing: float) -> list[np.ndarray]:
     random = np.random.default_rng(7)
     found = [random.normal((1.0, -200.0, 1e-3), (2.0, 0.1, 1e-4), (size, 3)) for size in sizes]
     for block in found:
@@ -17,37 +19,25 @@ def blocks(sizes: list[int], missing: float) -> list[np.ndarray]:
 
 
 @pytest.mark.parametrize("missing", [0.0, 0.3])
-def test_blocks_give_the_statistics_of_all_frames(missing: float) -> None:
-    parts = blocks([5, 1, 400, 37], missing)
-    stats = FeatureStats(3)
-    for part in parts:
-        stats.add(part)
-    every, found = np.concatenate(parts), stats.summary()
-    assert found["count"] == [443]
-    for name, value in (("min", np.nanmin), ("max", np.nanmax), ("mean", np.nanmean), ("std", np.nanstd)):
-        np.testing.assert_allclose(found[name], value(every, axis=0), rtol=1e-12)
+def test_episodes_give_the_statistics_of_all_frames(missing: float) -> None:
+    parts = episodes([5, 1, 400, 37], missing)
+    every = np.concatenate(parts)
+    alone = FeatureStats.of(every).summary()
+    together = functools.reduce(lambda found, part: FeatureStats.of(part).with_others(found), parts, None).summary()
+    for found in (alone, together):
+        assert found["count"] == [443]
+        for name, value in (("min", np.nanmin), ("max", np.nanmax), ("mean", np.nanmean), ("std", np.nanstd)):
+            np.testing.assert_allclose(found[name], value(every, axis=0), rtol=1e-12)
+    known = np.array([np.isfinite(part).sum(axis=0) for part in parts])
     for name, level in QUANTILES.items():
-        np.testing.assert_allclose(found[name], np.nanquantile(every, level, axis=0), rtol=1e-12)
+        np.testing.assert_allclose(alone[name], np.nanquantile(every, level, axis=0), rtol=1e-12)
+        each = np.array([FeatureStats.of(part).summary()[name] for part in parts])
+        np.testing.assert_allclose(together[name], (known * each).sum(axis=0) / known.sum(axis=0), rtol=1e-12)
 
 
 def test_a_number_that_is_never_known_is_0_and_disturbs_no_other() -> None:
-    stats = FeatureStats(2)
-    stats.add(np.array([[np.nan, 1.0], [np.nan, 3.0]]))
-    found = stats.summary()
-    assert {name: values[0] for name, values in found.items() if name != "count"} == dict.fromkeys(
-        ("min", "max", "mean", "std", *QUANTILES), 0.0
-    )
-    assert (found["mean"][1], found["std"][1], found["q50"][1]) == (2.0, 1.0, 2.0)
-
-
-def test_quantiles_of_long_runs_come_from_evenly_spaced_frames(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("slipd.tools.export.frames.MOST_SAMPLES", 100)
-    stats = FeatureStats(1)
-    frames = np.arange(10_000.0)[:, None]
-    for begin in range(0, 10_000, 77):
-        stats.add(frames[begin : begin + 77])
-    sample = stats._sample[:, 0]
-    assert 50 <= len(sample) <= 100
-    assert set(np.diff(sample)) == {stats._stride}
-    assert stats.summary()["q50"][0] == pytest.approx(5000.0, rel=0.02)
-    assert stats.summary()["mean"] == [pytest.approx(4999.5)]
+    found = FeatureStats.of(np.array([[np.nan, 1.0], [np.nan, 3.0]]))
+    for stats in (found, found.with_others(found)):
+        values = {name: numbers for name, numbers in stats.summary().items() if name != "count"}
+        assert {name: numbers[0] for name, numbers in values.items()} == dict.fromkeys(values, 0.0)
+        assert (values["mean"][1], values["std"][1], values["q50"][1]) == (2.0, 1.0, 2.0)

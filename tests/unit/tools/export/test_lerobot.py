@@ -93,10 +93,8 @@ def write(folder: Path, lengths: list[int]) -> Path:
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Three episodes, in blocks of four frames."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "BLOCK", 4)
-        return write(tmp_path_factory.mktemp("written") / "set", [3, 9, 1])
+    """Three episodes."""
+    return write(tmp_path_factory.mktemp("written") / "set", [3, 9, 1])
 
 
 def read_json(folder: Path, name: str) -> Any:
@@ -150,7 +148,7 @@ def test_the_meta_data_describe_every_feature(written: Path) -> None:
     assert list(info["features"]) == list(stats) == schema.names
     types = [str(schema.field(name).type) for name in (STATE, LEVEL, ACTION, "timestamp")]
     assert types == ["fixed_size_list<element: float>[2]", "int64", "float", "float"]
-    assert stats[STATE]["mean"] == [6.0, 0.0]
+    assert stats[STATE]["mean"] == pytest.approx([6.0, 0.0])
     tasks = parquet.read_table(written / "meta" / "tasks.parquet")
     assert tasks.to_pylist() == [{"task_index": 0, "task": "hold a box"}]
     assert json.loads(tasks.schema.metadata[b"pandas"])["index_columns"] == ["task"]

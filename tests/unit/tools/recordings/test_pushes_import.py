@@ -87,7 +87,7 @@ def faulty(**parts: Any) -> dict[str, Any]:
         (faulty(wrench=np.zeros((1, 7))), "wrench must have rows of 7 finite numbers"),
         (faulty(pusher=np.full((3, 4), np.nan)), "pusher must have rows of 4 finite numbers"),
         (faulty(pusher=pushes().pusher[::-1]), "the times of pusher must not decrease"),
-        ({"wrench": np.zeros((3, 7))}, "cannot be read as pushes"),
+        ({"wrench": np.zeros((3, 7))}, "must be a ROS 1 bag"),
     ],
 )
 def test_a_faulty_file_is_refused(tmp_path: Path, parts: dict[str, Any], error: str) -> None:
