@@ -123,7 +123,7 @@ class RobotiqPeer(Peer):
 
     def _command(self, request: modbus.Request) -> SentCommand:
         force_n = float(np.interp(request.registers[-1] & 0xFF, *zip(*FORCE_TABLE, strict=True)))
-        if request.write_address == registers.FORCE_ADDRESS:
+        if request.address == registers.FORCE_ADDRESS:
             return SentCommand("force", force_n=force_n)
         if request.registers[0] >> 8 & registers.GO:
             return SentCommand("move", 0.085 * (1.0 - (request.registers[1] & 0xFF) / 255), force_n)

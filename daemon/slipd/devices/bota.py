@@ -135,8 +135,7 @@ the command.
 SETTLE_NS = 500_000_000
 """Time from the banner to the first command, as in Bota's example."""
 
-_TEXT_KEPT = 32  # bytes, more than any text that the session waits for
-_BANNER_LENGTH = 512  # bytes; a banner has fewer than 100
+_TEXT_KEPT = 512  # bytes; a banner has fewer than 100
 
 _BOOT, _RUN = Step("boot text", b"", "optional", QUIET_NS, attempts=1), Step("R", RUN)
 _ANSWERED_BY_FRAMES = (_BOOT, _RUN)
@@ -169,13 +168,12 @@ class Session(SensorSession[Decoder]):
         commands = [Step(text[:1].decode(), text) for text in (CONFIGURE, communication, filtering)]
         super().__init__(Decoder(), StartupSequence([_BOOT, *commands, _RUN]), CONFIGURE)
         self._booted_ns = 0
-        self._text = b""
-        self._banner = b""
+        self._text = b""  # received since the last command or the beginning of the banner
 
     def start(self, now_ns: int) -> bytes:
         """Begin on a freshly opened link: wait for the banner or for frames."""
         self._booted_ns = now_ns + BOOT_NS
-        self._text = self._banner = b""
+        self._text = b""
         return super().start(now_ns)
 
     def receive(self, data: bytes, now_ns: int) -> list[WrenchSample]:
@@ -198,37 +196,25 @@ class Session(SensorSession[Decoder]):
 
     def _handle_text(self, data: bytes, has_frames: bool, now_ns: int) -> None:
         """Look for a banner and for the awaited answer."""
-        text = self._text + data
-        self._text = text[-_TEXT_KEPT:]
+        _, banner, after = (self._text + data).rpartition(BANNER)
+        self._text = after[-_TEXT_KEPT:]
         if self.next_deadline() is None:
             return
-        banner_at = text.find(BANNER)
-        if banner_at >= 0:
-            self._text = self._banner = b""
-            self._read_identity(text[banner_at:])
+        if found := _IDENTITY.search(self._text):
+            self.identity = f"{found[1].decode().strip()} S/N {found[2].decode()}"
+        if banner:
             self._startup.resume(1, now_ns + SETTLE_NS)
             return
-        if self._banner:
-            self._read_identity(data)
         awaited = self._startup.awaited
         if awaited is None:
             return
-        code = find_ack(text, awaited.name)
+        code = find_ack(self._text, awaited.name)
         if code is None and has_frames and awaited in _ANSWERED_BY_FRAMES:
             code = 0
         if code is not None:
             self._startup.handle_answer(now_ns, f"refused {awaited.name} with code {code}" if code else "")
         if code == 0 and awaited is _RUN:
             self._startup.reading_received(now_ns)
-
-    def _read_identity(self, data: bytes) -> None:
-        """Collect the banner until it contains the sensor's name and serial number."""
-        self._banner += data
-        found = _IDENTITY.search(self._banner[:_BANNER_LENGTH])
-        if found:
-            self.identity = f"{found[1].decode().strip()} S/N {found[2].decode()}"
-        if found or len(self._banner) >= _BANNER_LENGTH:
-            self._banner = b""
 
 
 DEVICE = Device(

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from slipd.devices import DEVICES, external, xela
-from slipd.devices.papillarray import papillarray_frames as pts
+from slipd.devices import papillarray as pts
 from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.frame_scanner import BYTES_PER_TRY, FREE_TRIES

@@ -62,7 +62,7 @@ KNOWN = {
         hexes("12 34 00 03 00 00 00 00"),
         *hexes("12 34 00 00 00 00 00 00"),
         states="waiting for calibration, waiting, running",
-        silent="no calibration",
+        silent="waiting for calibration",
     ),
     "optoforce": Known(
         hexes("AA 00 32 03 01 02 00 00 E2", "AB 00 12 08 00 C5"),
@@ -143,7 +143,7 @@ def test_a_silent_device_is_named_asked_for_ever_and_runs_once_it_answers(name: 
     made.start(25.0)
     assert (made.states[0], made.session.state) == (known.states.split(", ")[0], known.silent)
     assert set(made.written) <= {*known.asked}
-    assert known.silent == "no calibration" or 10 <= len(made.written) <= 80
+    assert known.silent == "waiting for calibration" or 10 <= len(made.written) <= 80
     made.off = False
     made.run_until_it_runs()
 

@@ -9,14 +9,14 @@ from gripper_peers import PEERS
 from gripper_talk import STATES, Talk
 from gripper_walks import walk
 
-from slipd.devices.external_gripper import external_gripper_setpoints
+from slipd.devices import external_gripper
 from slipd.devices.robotiq_2f import robotiq_commands
 from slipd.devices.wsg import wsg_commands
 
 MODULES: dict[str, Any] = {
     "robotiq_2f": robotiq_commands,
     "wsg": wsg_commands,
-    "external_gripper": external_gripper_setpoints,
+    "external_gripper": external_gripper,
 }
 WALKS = 24
 

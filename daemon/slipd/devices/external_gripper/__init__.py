@@ -9,10 +9,10 @@ from __future__ import annotations
 from slipd.devices import Device
 from slipd.devices.external_gripper import external_gripper_message as wire
 from slipd.devices.external_gripper.external_gripper_message import Decoder, Foreign, Registration, Report, sample
-from slipd.devices.external_gripper.external_gripper_setpoints import ACTIVATION, TRANSITIONS, SetpointQueue
-from slipd.devices.shared.command_queue import QueuedGripperSession
-from slipd.devices.shared.device_interface import check_integer
-from slipd.devices.shared.gripper_session import Event, State, report_of
+from slipd.devices.shared.command_queue import CommandQueue, QueuedCommand, QueuedGripperSession
+from slipd.devices.shared.device_interface import DecoderHealth, check_integer
+from slipd.devices.shared.gripper_session import FAULT_REPORTS, MOTIONS, Event, State, Table, report_of
+from slipd.devices.shared.waiting_commands import SETS_FORCE, STOP
 from slipd.types.samples import GripperSample
 
 __all__ = ["DEVICE", "Decoder", "Session"]
@@ -26,6 +26,93 @@ SILENCE_NS = 500_000_000
 WIDTH_TOLERANCE_M = 0.001
 """A width this far beyond the registered range is still accepted, because a calibration may be inexact."""
 
+FORCE_TOLERANCE = 1e-6
+"""Largest relative excess of the applied force over the requested one; single precision can cause it."""
+
+
+class SetpointQueue(CommandQueue):
+    """Waiting set-points, each with its own id; for the arguments see `CommandQueue`."""
+
+    def __init__(self, answer_ns: int, health: DecoderHealth) -> None:
+        super().__init__(answer_ns, health)
+        self._made = 0
+
+    def reset(self) -> None:
+        """Start again: nothing waits, nothing is known."""
+        super().reset()
+        self._goal: dict[str, float | None] = {}
+
+    def activate(self) -> None:
+        """Queue an activation, and nothing else."""
+        self.replace([self._make("activate")])
+
+    def move(self, width_m: float, speed_mps: float | None, force_n: float) -> None:
+        """Queue a move, and nothing else."""
+        self._goal = {"width_m": width_m, "speed_mps": speed_mps}
+        self.replace([self._make("move", force_n=force_n, **self._goal)])
+
+    def set_force(self, force_n: float) -> None:
+        """Queue a force, after a stop that waits; a move that waits is queued with that force."""
+        moves = any(command.kind == "move" for command in self.waiting)
+        operation, goal = ("move", self._goal) if moves else ("force", {})
+        self.replace([self._make(operation, force_n=force_n, **goal)], keep=(STOP,))
+
+    def stop(self) -> None:
+        """Send a stop at once in place of all else."""
+        self.interrupt(self._make(STOP))
+
+    def acknowledge(self) -> None:
+        """Queue the acknowledgement of a fault, after a stop that waits."""
+        self.replace([self._make("acknowledge")], keep=(STOP,))
+
+    def is_complete(self, report: Report) -> bool:
+        """Return whether a report, if it answers a force, contains the applied force."""
+        command = self.outstanding
+        answers = command is not None and report.id == command.number and command.kind in SETS_FORCE
+        return not answers or report.applied_n is not None or bool(report.error)
+
+    def match_answer(self, report: Report, now_ns: int) -> bool:
+        """Handle the answer to the outstanding set-point; return False if the report is not its answer."""
+        command = self.outstanding
+        if command is None or report.id != command.number:
+            return False
+        self.handle_answer(now_ns, f"{command.name}: {report.error}" if report.error else "")
+        if command.kind in SETS_FORCE and report.applied_n is not None:
+            self.echo_ok = report.applied_n <= (command.force_n or 0.0) * (1.0 + FORCE_TOLERANCE)
+        return True
+
+    def _make(self, operation: str, **values: float | None) -> QueuedCommand:
+        self._made += 1
+        data = wire.encode_setpoint(self._made, operation, **values)
+        return QueuedCommand(operation, values.get("force_n"), operation, data, self._made)
+
+
+_REGISTRATIONS = {Event.REGISTERED: State.WAITING, Event.STRANGER: State.UNREGISTERED}
+_ALWAYS = {**_REGISTRATIONS, Event.FELL_SILENT: State.SILENT, Event.ACTIVATE: State.ACTIVATION_QUEUED}
+
+TRANSITIONS: Table = {
+    State.CLOSED: {},
+    State.UNREGISTERED: _REGISTRATIONS,
+    State.WAITING: {**_REGISTRATIONS, **FAULT_REPORTS, Event.FELL_SILENT: State.SILENT},
+    State.SILENT: {**_REGISTRATIONS, **FAULT_REPORTS},
+    State.INACTIVE: {**_ALWAYS, **FAULT_REPORTS},
+    State.ACTIVE: {**_ALWAYS, **FAULT_REPORTS, **MOTIONS},
+    State.FAULTY: {**_ALWAYS, **FAULT_REPORTS, Event.HALT: State.FAULTY},
+    State.ACTIVATION_QUEUED: {
+        **_ALWAYS,
+        Event.ACTIVATION_SENT: State.ACTIVATING,
+        Event.ACTIVATION_GONE: State.INACTIVE,
+    },
+    State.ACTIVATING: {**_ALWAYS, Event.HALT: State.INACTIVE, Event.ACTIVATION_GONE: State.INACTIVE},
+}
+"""States of the session; after an activation is over or halted, it handles the last report again.
+
+The driver carries out an activation on its own; it is in progress until the driver answers the set-point.
+"""
+
+ACTIVATION = frozenset({State.ACTIVATION_QUEUED, State.ACTIVATING})
+"""In these states the gripper accepts no motion, whatever the driver reports."""
+
 _REGISTER = "the driver must register first"
 _ANOTHER = "another driver registered on this connection: reconnect"
 
@@ -35,7 +122,7 @@ class Session(QueuedGripperSession[SetpointQueue]):
 
     `state` is "closed", "waiting" (for the registration or the first report), "inactive", "activating", "active", a
     fault, "no reply" (no recent report), "command lost" with the reason, or why the driver was refused. `identity` is
-    the name that the driver registered. `external_gripper_setpoints` lists what the gripper accepts in each state.
+    the name that the driver registered. `TRANSITIONS` lists what the gripper accepts in each state.
     A driver may register again under the same name; after another name its messages are ignored until it reconnects or
     registers under the first name.
     `health.lost` counts unanswered set-points, `duplicates` answers to no set-point, `restarts` registrations after the

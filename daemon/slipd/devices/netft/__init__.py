@@ -5,7 +5,7 @@ Records that are lost or come out of order: `slipd.devices.shared.rdt_records`, 
 The session first requests the calibration, which is the value of one count, over TCP or from the sensor's web page.
 Source: ATI Ethernet Axia manual, table 4.7 (status bits). Classic Net F/T boxes: pyNetFT (netft/pyNetFT,
 ``classify_status``), where 0x80010000 is a warning and every other status but 0 an error. The output rate is a setting
-of the sensor, which slipd changes only where the option ``output_hz`` is given (`netft_output_rate`).
+of the sensor, which slipd changes only where the option ``output_hz`` is given.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from slipd.devices.netft.netft_calibration import (
 from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.device_interface import check_choice
 from slipd.devices.shared.frame_scanner import FrameDecoder
-from slipd.devices.shared.sensor_session import RETRY_PAUSE_NS, SensorSession, StartupSequence, Step
+from slipd.devices.shared.sensor_session import SensorSession, StartupSequence, Step
 from slipd.types.arrays import Array
 from slipd.types.samples import Sample, WrenchSample
 
@@ -157,9 +157,9 @@ _INQUIRIES = {"tcp": netft_calibration.TCP_INQUIRY, "xml": netft_calibration.XML
 class Session(SensorSession[Decoder]):
     """Receive the calibration, start the records, and start them again whenever they fall silent.
 
-    The answer to the inquiry is the first data on the link. No reading is returned before it is known. `state` is
-    "closed", "waiting for calibration", "no calibration", "wrong calibration: …", "waiting" (for records), "running" or
-    "no answer to start".
+    The answer to the inquiry is the first data on the link; the transport repeats an inquiry until `Inquiry.check`
+    accepts the answer. No reading is returned before the calibration is known. `state` is "closed",
+    "waiting for calibration", "wrong calibration: …", "waiting" (for records), "running" or "no answer to start".
 
     Args:
         calibration: "tcp" (requested over TCP, port 49151), "xml" (read from the sensor's web page) or "config" (the
@@ -200,23 +200,17 @@ class Session(SensorSession[Decoder]):
             rdt.encode_request(rdt.STOP),
         )
         self._answer: bytes | None = None  # the part received so far; None if no answer is awaited
-        self._trouble = ""
-        self._trouble_due_ns = 0
         if self._has_inquiry:
             self.decoder.calibrate(None)
-
-    @property
-    def state(self) -> str:
-        """State of the session, as a short text for people."""
-        return self._trouble or super().state
 
     def start(self, now_ns: int) -> bytes:
         """Begin on a freshly opened link: wait for the calibration, or start the records."""
         if not self._has_inquiry:
             return super().start(now_ns)
+        self.stop()
         self.identity, self._answer = "", b""
         self.decoder.calibrate(None)
-        self._set_trouble("waiting for calibration", now_ns)
+        self._startup.state = "waiting for calibration"
         return b""
 
     def receive(self, data: bytes, now_ns: int) -> Sequence[Sample]:
@@ -226,23 +220,15 @@ class Session(SensorSession[Decoder]):
             return []
         return super().receive(data, now_ns)
 
-    def next_deadline(self) -> int | None:
-        """Return when `on_time` is due, ns; None while closed."""
-        return self._trouble_due_ns if self._trouble else super().next_deadline()
-
     def on_time(self, now_ns: int) -> bytes:
         """Return the request that is due at ``now_ns``; empty if none is."""
-        if not self._trouble:
-            if request := super().on_time(now_ns):
-                self.decoder.forget()
-            return request
-        if now_ns >= self._trouble_due_ns:
-            self._set_trouble("no calibration" if self._answer is not None else self._trouble, now_ns)
-        return b""
+        if request := super().on_time(now_ns):
+            self.decoder.forget()
+        return request
 
     def stop(self) -> bytes:
         """End; return the request that stops the records."""
-        self._answer, self._trouble = None, ""
+        self._answer = None
         return super().stop()
 
     def _handle_answer(self, answer: bytes, now_ns: int) -> None:
@@ -251,15 +237,11 @@ class Session(SensorSession[Decoder]):
         if isinstance(calibration, str):
             self.health.bad += 1
             self.health.bad_bytes += len(answer)
-            self._set_trouble(f"wrong calibration: {calibration}", now_ns)
+            self._startup.state = f"wrong calibration: {calibration}"
         elif calibration is not None:
             self.decoder.calibrate(calibration, rate_fault(self._output_hz, calibration))
             self.identity = calibration.identity
-            self._trouble = ""
             self._startup.start(now_ns)
-
-    def _set_trouble(self, trouble: str, now_ns: int) -> None:
-        self._trouble, self._trouble_due_ns = trouble, now_ns + RETRY_PAUSE_NS
 
 
 def inquiry(calibration: str = "tcp", output_hz: int = 0, **_others: Any) -> Inquiry | None:

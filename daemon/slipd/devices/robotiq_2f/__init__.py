@@ -10,12 +10,13 @@ from __future__ import annotations
 from slipd.devices import Device, GripRange, Need, RateOption
 from slipd.devices.robotiq_2f.robotiq_commands import (
     ACTIVATION,
+    COMMAND_PAUSE_NS,
     TRANSITIONS,
     Goal,
     RegisterWrite,
+    RobotiqLine,
     WriteQueue,
 )
-from slipd.devices.robotiq_2f.robotiq_line import COMMAND_PAUSE_NS, RobotiqLine
 from slipd.devices.robotiq_2f.robotiq_registers import (
     FORCE_TABLE,
     SPEED_TABLE,
@@ -46,7 +47,7 @@ class Session(GripperSessionBase[WriteQueue]):
     """Poll the gripper and carry out permits, one transaction at a time.
 
     `state` is "closed", "waiting" (for a status), "inactive", "activating", "active", "command lost" or "no reply".
-    `robotiq_commands` lists what the gripper accepts in each state.
+    `TRANSITIONS` lists what the gripper accepts in each state.
 
     ``echo_ok`` of a sample is whether the gripper echoes the position sent last. Force and speed are not echoed;
     only the acknowledgement of the write shows that they arrived.
@@ -235,9 +236,6 @@ class Session(GripperSessionBase[WriteQueue]):
         return sample
 
 
-GRIP = GripRange(force_n=235.0, stroke_m=0.140, speed_mps=0.250)
-"""Force of a 2F-85, stroke and speed of a 2F-140."""
-
 DEVICE = Device(
     "robotiq_2f",
     "gripper",
@@ -247,7 +245,7 @@ DEVICE = Device(
     rates_hz=(1.0, 1e9 / COMMAND_PAUSE_NS),
     baud=115_200,
     needs_tables=True,
-    grip=GRIP,
+    grip=GripRange(force_n=235.0, stroke_m=0.140, speed_mps=0.250),  # of a 2F-85; of a 2F-140
     needs=(
         Need(
             "force_table",

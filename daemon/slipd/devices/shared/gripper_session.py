@@ -21,8 +21,8 @@ from slipd.types.permit import Permit
 class GripperSession(Session, Protocol):
     """Protocol session with a gripper, in metres between the pads and newtons on one pad.
 
-    Nothing moves without a permit, and a permit that the gripper cannot accept sends nothing. A table in a module of
-    its own (``<device>_states``) defines what the session accepts in each state.
+    Nothing moves without a permit, and a permit that the gripper cannot accept sends nothing. A `Table` defines what
+    the session accepts in each state.
     """
 
     @property

@@ -1,7 +1,7 @@
 """Modbus RTU frames: requests of the master, and their answers.
 
-They cover the four functions that the supported devices use: read holding (3) and input (4) registers, write registers
-(16), and both in one (23). Source: Modbus application protocol V1.1b3; Modbus over serial line V1.02.
+They cover the functions that slipd uses: read holding (3) and input (4) registers, and write registers (16). Source:
+Modbus application protocol V1.1b3; Modbus over serial line V1.02.
 """
 
 from __future__ import annotations
@@ -14,16 +14,14 @@ from slipd.devices.shared import checksums
 READ_HOLDING = 3
 READ_INPUT = 4
 WRITE = 16
-READ_WRITE = 23
 
 ILLEGAL_ADDRESS = 2
 
 MAX_FRAME = 256
 """Longest frame of the protocol, bytes; no buffer needs to be longer."""
 
-_MOST_READ = 125
-_MOST_WRITTEN = {WRITE: 123, READ_WRITE: 121}
-SIZE_AT = {WRITE: 6, READ_WRITE: 10}  # offset of the number of bytes that a request writes
+_MOST_READ, _MOST_WRITTEN = 125, 123
+SIZE_AT = 6  # offset of the number of bytes that a request writes
 ERROR_FLAG = 0x80
 READ_LENGTH = 8
 _EXCEPTION_LENGTH = 5
@@ -36,32 +34,25 @@ class Request:
 
     Attributes:
         unit: Address of the device, 1 to 247.
-        function: `READ_HOLDING`, `READ_INPUT`, `WRITE` or `READ_WRITE`.
-        read_address: First register to read.
-        read_count: Number of registers to read, 1 to 125; 0 if the function reads nothing.
-        write_address: First register to write.
-        registers: Values to write, 16 bits each; empty if the function writes nothing.
+        function: `READ_HOLDING`, `READ_INPUT` or `WRITE`.
+        address: First register to read or write.
+        count: Number of registers to read, 1 to 125; 0 for a write.
+        registers: Values to write, 1 to 123 of 16 bits each; empty for a read.
     """
 
     unit: int
     function: int
-    read_address: int = 0
-    read_count: int = 0
-    write_address: int = 0
+    address: int
+    count: int = 0
     registers: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        reads = self.function in (READ_HOLDING, READ_INPUT, READ_WRITE)
-        writes = self.function in _MOST_WRITTEN
-        if not (reads or writes):
-            raise ValueError(f"function must be 3, 4, 16 or 23, got {self.function}")
-        if not (1 <= self.read_count <= _MOST_READ if reads else self.read_count == 0):
-            raise ValueError(f"read_count must be 1 to {_MOST_READ}, or 0 for function 16, got {self.read_count}")
-        most = _MOST_WRITTEN.get(self.function, 0)
-        if not min(most, 1) <= len(self.registers) <= most:
-            raise ValueError(
-                f"registers of function {self.function} must be {min(most, 1)} to {most}, got {len(self.registers)}"
-            )
+        if self.function not in (READ_HOLDING, READ_INPUT, WRITE):
+            raise ValueError(f"function must be 3, 4 or 16, got {self.function}")
+        most_read, most_written = (0, _MOST_WRITTEN) if self.function == WRITE else (_MOST_READ, 0)
+        for name, number, most in (("count", self.count, most_read), ("registers", len(self.registers), most_written)):
+            if not min(most, 1) <= number <= most:
+                raise ValueError(f"{name} of function {self.function} must be {min(most, 1)} to {most}, got {number}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,12 +72,10 @@ class Reply:
 
 def encode_request(request: Request) -> bytes:
     """Return the frame of a request."""
-    body = bytes((request.unit, request.function))
-    if request.read_count:
-        body += struct.pack(">HH", request.read_address, request.read_count)
-    if request.registers:
-        count = len(request.registers)
-        body += struct.pack(f">HHB{count}H", request.write_address, count, 2 * count, *request.registers)
+    written = len(request.registers)
+    body = struct.pack(">BBHH", request.unit, request.function, request.address, request.count or written)
+    if written:
+        body += struct.pack(f">B{written}H", 2 * written, *request.registers)
     return with_checksum(body)
 
 
@@ -96,10 +85,10 @@ def find_reply(received: bytes, request: Request) -> Reply | None:
     Bytes before and after the answer are skipped.
     """
     head = reply_head(request)
-    length = len(head) + 2 * request.read_count + CRC_LENGTH
+    length = len(head) + 2 * request.count + CRC_LENGTH
     frame = _find_valid(received, head, length)
     if frame:
-        return Reply(struct.unpack_from(f">{request.read_count}H", frame, len(head)), 0, length)
+        return Reply(struct.unpack_from(f">{request.count}H", frame, len(head)), 0, length)
     frame = _find_valid(received, bytes((request.unit, request.function | ERROR_FLAG)), _EXCEPTION_LENGTH)
     return Reply((), frame[2], _EXCEPTION_LENGTH) if frame else None
 
@@ -116,10 +105,9 @@ def checksum_matches(frame: bytes) -> bool:
 
 def reply_head(request: Request) -> bytes:
     """Return the bytes before the registers in the answer to ``request``."""
-    head = bytes((request.unit, request.function))
-    if request.read_count:
-        return head + bytes((2 * request.read_count,))
-    return head + struct.pack(">HH", request.write_address, len(request.registers))
+    if request.count:
+        return bytes((request.unit, request.function, 2 * request.count))
+    return struct.pack(">BBHH", request.unit, request.function, request.address, len(request.registers))
 
 
 def _find_valid(received: bytes, head: bytes, length: int) -> bytes:

@@ -13,8 +13,10 @@ from slipd.devices import Device, GripRange, RateOption
 from slipd.devices.shared import weiss_packets as weiss
 from slipd.devices.shared.command_queue import QueuedGripperSession
 from slipd.devices.shared.device_interface import check_integer
+from slipd.devices.shared.frame_scanner import FrameDecoder
 from slipd.devices.shared.gripper_session import Event, State, report_of
 from slipd.devices.shared.sensor_session import StartupSequence, Step
+from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, PacketScanner
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.devices.wsg.wsg_commands import (
     ACTIVATION,
@@ -23,8 +25,7 @@ from slipd.devices.wsg.wsg_commands import (
     TRANSITIONS,
     WsgCommandQueue,
 )
-from slipd.devices.wsg.wsg_decoder import Decoder, Reply
-from slipd.devices.wsg.wsg_messages import FINGERS
+from slipd.devices.wsg.wsg_messages import FINGERS, Reply
 from slipd.types.samples import GripperSample
 
 __all__ = ["DEVICE", "Decoder", "Session"]
@@ -36,21 +37,96 @@ SHORTEST_MS, LONGEST_MS = 5, 200
 HOMING_NS = 30_000_000_000
 """Time allowed for homing; a slow gripper needs some seconds for its whole stroke and back."""
 
+_TYPICAL_BYTES = 14
 _UPDATES = {wire.WIDTH: "width", wire.FORCE: "force", wire.GRASPING: "grasping state", wire.STATE: "system state"}
+_NEWEST = 2 * len(wire.UPDATES)
+"""An update counts for as long as it is one of this many newest: in any order, those of two periods."""
+
+
+class Decoder(FrameDecoder):
+    """Return a gripper sample of each system state, with the newest width, force and grasping state.
+
+    The gripper sends the four one by one, each at the same period, but in no fixed order: the Robotics Library
+    (roboticslibrary/rl at 91df9f2, ``src/rl/hal/WeissWsg50.cpp``, ``recv`` and ``step``) keeps the newest of each too.
+    If one is missing for longer than a period there is no sample. ``active`` means referenced. ``echo_ok`` is None,
+    because the updates do not contain the requests; `Session` sets it. ``force_n`` is half of the force that the
+    gripper sends, which is the sum of both fingers.
+    """
+
+    _frames: PacketScanner
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.words: frozenset[str] = frozenset()
+        self._frames = PacketScanner(SEED_WITH_PREAMBLE, wire.is_reply, _TYPICAL_BYTES, self.health)
+        self._newest: dict[int, tuple[int, bytes]] = {}  # by id: number and data of the update
+        self._count = 0  # of updates
+
+    def receive(self, data: bytes, t_ns: int) -> list[GripperSample]:
+        """Decode bytes received at ``t_ns``; return the readings they complete."""
+        samples = (self.decode_reply(reply, t_ns) for reply in self.messages(data))
+        return [sample for sample in samples if sample is not None]
+
+    def forget(self) -> None:
+        """Drop a partial reading, because the line was closed."""
+        super().forget()
+        self._newest.clear()
+
+    def messages(self, data: bytes) -> list[Reply]:
+        """Scan bytes; return every reply they complete, for `decode_reply`."""
+        return [
+            Reply(
+                packet.id,
+                int.from_bytes(packet.payload[: wire.STATUS_LENGTH], "little"),
+                packet.payload[wire.STATUS_LENGTH :],
+            )
+            for packet in self._frames.packets(data)
+        ]
+
+    def decode_reply(self, reply: Reply, t_ns: int) -> GripperSample | None:
+        """Decode a reply received at ``t_ns``; return the sample that it completes, if any."""
+        if reply.id not in wire.UPDATES or reply.status != wire.OK:
+            return None
+        self._count += 1
+        self._newest[reply.id] = self._count, reply.data
+        if reply.id != wire.STATE:
+            return None
+        parts = {update: data for update, (number, data) in self._newest.items() if self._count - number < _NEWEST}
+        if len(parts) < len(wire.UPDATES):
+            return None
+        self.health.good += 1
+        self.words = wire.parse_state(reply.data)
+        return GripperSample(
+            t_ns=t_ns,
+            device_time_ns=None,
+            active="referenced" in self.words,
+            width_m=wire.parse_number(parts[wire.WIDTH]) / 1000,
+            moving="moving" in self.words,
+            object=_object(self.words, wire.GRASPING_STATES[parts[wire.GRASPING][0]]),
+            fault=next((fault for fault in wire.FAULTS if fault in self.words), ""),
+            echo_ok=None,
+            force_n=wire.parse_number(parts[wire.FORCE]) / FINGERS,
+        )
+
+
+def _object(words: frozenset[str], grasping: str) -> str:
+    if "blocked_minus" in words or grasping == "holding":
+        return "contact_closing"
+    if "blocked_plus" in words:
+        return "contact_opening"
+    return "moving" if "moving" in words else "none"
 
 
 class Session(QueuedGripperSession[WsgCommandQueue]):
     """Request updates, and carry out permits, one command at a time.
 
-    `state` is "closed", "waiting", "configuring", "inactive", "activating", "active", a fault, "no reply", "command
-    lost" with the reason, or the request that the gripper refuses; "active" is followed by the gripper's warnings.
-    `identity` is its serial number. `wsg_commands` lists what the gripper accepts in each state.
+    `state` is that of the `StartupSequence` until it runs, then "inactive", "activating", "active" with the gripper's
+    warnings, a fault, "no reply", or "command lost" with the reason. `identity` is its serial number. `TRANSITIONS`
+    lists what the gripper accepts in each state.
 
     ``echo_ok`` of a sample is whether the force limit was read back as it was set. Widths are between the gripper's
     own fingers, without pads. The largest force is the nominal one, or with ``overdrive`` the overdrive force.
-
-    Attributes:
-        health: Its ``lost`` counts unanswered commands.
+    `health.lost` counts unanswered commands.
 
     Args:
         period_ms: Time from one update to the next, 5 to 200 ms.
@@ -182,7 +258,7 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
         return ""
 
     def _handle_system(self, data: bytes) -> str:
-        self.identity = f"S/N {wire.parse_serial(data)}"
+        self.identity = f"S/N {wire.SYSTEM_FIELDS.unpack(data)[3]}"
         return ""
 
     def _handle_sample(self, sample: GripperSample, now_ns: int) -> None:
@@ -209,9 +285,6 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
         self._machine.handle(Event.FELL_SILENT)
 
 
-GRIP = GripRange(force_n=60.0, stroke_m=0.210, speed_mps=0.420)
-"""Force on one pad: half of the 120 N of a WSG 50 in overdrive. Stroke of a WSG 50-210."""
-
 DEVICE = Device(
     "wsg",
     "gripper",
@@ -219,7 +292,7 @@ DEVICE = Device(
     Decoder,
     Session,
     rates_hz=(1000.0 / LONGEST_MS, 1000.0 / SHORTEST_MS),
-    grip=GRIP,
+    grip=GripRange(force_n=60.0, stroke_m=0.210, speed_mps=0.420),  # half of a WSG 50 in overdrive; of a WSG 50-210
     rate_option=RateOption("period_ms", 1000.0),
     frame="a WSG packet",
     evidence="driver",

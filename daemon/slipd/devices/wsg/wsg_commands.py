@@ -15,8 +15,7 @@ from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.gripper_session import FAULT_REPORTS, MOTIONS, Event, State, Table
 from slipd.devices.shared.waiting_commands import STOP
 from slipd.devices.wsg import wsg_messages as wire
-from slipd.devices.wsg.wsg_decoder import Reply
-from slipd.devices.wsg.wsg_messages import FINGERS
+from slipd.devices.wsg.wsg_messages import FINGERS, Reply
 
 _ALWAYS = {Event.ACTIVATE: State.ACTIVATION_QUEUED, Event.FELL_SILENT: State.SILENT}
 _AGAIN = {Event.ACTIVATE: State.REACTIVATION_QUEUED, Event.FELL_SILENT: State.SILENT, Event.HALT: State.SETTLING}

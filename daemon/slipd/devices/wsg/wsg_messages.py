@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slipd.devices.shared import weiss_packets as weiss
-from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE
+from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, STATUS_WORDS
 
 DISCONNECT = 0x07
 HOME = 0x20
@@ -182,12 +182,49 @@ def parse_limits(data: bytes) -> Limits:
     return Limits(*LIMITS_FIELDS.unpack(data))
 
 
-def parse_serial(data: bytes) -> int:
-    """Return the serial number in an answer about the system."""
-    return int(SYSTEM_FIELDS.unpack(data)[3])
-
-
 def at_most(number: float) -> float:
     """Return the largest f32 that does not exceed ``number``."""
     rounded = np.float32(number)
     return float(rounded if float(rounded) <= number else np.nextafter(rounded, np.float32(-math.inf)))
+
+
+class Reply(NamedTuple):
+    """An answer or an update: id, status, and the data after it."""
+
+    id: int
+    status: int
+    data: bytes
+
+
+def is_reply(reply_id: int, size: int, payload: bytes) -> bool:
+    """Return whether a packet is a reply, as far as it is received, for `weiss.PacketScanner`."""
+    expected = REPLY_SIZES.get(reply_id)
+    if expected is None or size not in (STATUS_LENGTH, STATUS_LENGTH + expected):
+        return False
+    if len(payload) < STATUS_LENGTH:
+        return True
+    status = int.from_bytes(payload[:STATUS_LENGTH], "little")
+    if status >= len(STATUS_WORDS) or size != STATUS_LENGTH + (expected if status == OK else 0):
+        return False
+    return status != OK or len(payload) < size or _is_sound(reply_id, payload[STATUS_LENGTH:])
+
+
+def _is_sound(reply_id: int, data: bytes) -> bool:
+    """Return whether the numbers of a reply are plausible."""
+    if reply_id in (GET_FORCE, WIDTH, FORCE):
+        return abs(parse_number(data)) <= MOST  # also False for NaN
+    if reply_id == GRASPING:
+        return data[0] < len(GRASPING_STATES)
+    if reply_id == LIMITS:
+        return _are_limits(parse_limits(data))
+    return True
+
+
+def _are_limits(limits: Limits) -> bool:
+    return (
+        all(map(math.isfinite, limits))
+        and 0.0 < limits.stroke_mm <= MOST
+        and 0.0 <= limits.min_speed < limits.max_speed <= MOST
+        and 0.0 <= limits.min_force < limits.nominal_force <= MOST
+        and limits.overdrive_force <= MOST
+    )

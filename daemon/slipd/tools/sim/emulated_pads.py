@@ -14,9 +14,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slipd.devices import tsf85, xela
+from slipd.devices import papillarray, tsf85, xela
 from slipd.devices.papillarray import RATES_HZ
-from slipd.devices.papillarray import papillarray_frames as frames
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.frame_scanner import FrameScanner
 from slipd.devices.tsf85 import encode_block
@@ -44,13 +43,13 @@ def encode_blocks(blocks: Sequence[tuple[int, Item]], width: int = 2) -> bytes:
         blocks: Type and content of each; a list is an array.
         width: Bytes of an offset.
     """
-    at = 1 + len(blocks) * (2 + width) + len(frames.INDEX_END)
+    at = 1 + len(blocks) * (2 + width) + len(papillarray.INDEX_END)
     index, contents = bytes((width,)), b""
     for kind, content in blocks:
         index += kind.to_bytes(2, "little") + (at + len(contents)).to_bytes(width, "little")
         contents += _encode_item(content, at + len(contents), width)
-    body = index + frames.INDEX_END + contents
-    return frames.START + body + (sum(body) & 0xFFFF).to_bytes(frames.SUM_LENGTH, "little") + frames.END
+    body = index + papillarray.INDEX_END + contents
+    return papillarray.START + body + (sum(body) & 0xFFFF).to_bytes(papillarray.SUM_LENGTH, "little") + papillarray.END
 
 
 def _encode_item(item: Item, at: int, width: int) -> bytes:
@@ -67,30 +66,33 @@ def _encode_item(item: Item, at: int, width: int) -> bytes:
 
 def encode_hub(counter: int, time_us: int) -> tuple[int, Item]:
     """Return the block with sequence number and device time; the counter is sent modulo 2^32."""
-    return frames.HUB, frames.HUB_FIELDS.pack(counter % (1 << 32), time_us)
+    return papillarray.HUB, papillarray.HUB_FIELDS.pack(counter % (1 << 32), time_us)
 
 
 def encode_vectors(first: Array | Sequence[float], second: Array | Sequence[float]) -> bytes:
     """Return an entry of two vectors, each of shape (3,): force (N) and displacement (mm) or torque (N mm)."""
-    return frames.VECTORS_FIELDS.pack(frames.VECTORS_TYPE, *first, *second)
+    return papillarray.VECTORS_FIELDS.pack(papillarray.VECTORS_TYPE, *first, *second)
 
 
 def encode_pillars(forces_n: Sequence[Array], displacements_mm: Sequence[Array]) -> tuple[int, Item]:
     """Return the block of the pillars: for each sensor force and displacement, each of shape (pillars, 3)."""
     pads = zip(forces_n, displacements_mm, strict=True)
-    return frames.PILLAR_FORCES, [[encode_vectors(*pillar) for pillar in zip(*pad, strict=True)] for pad in pads]
+    return papillarray.PILLAR_FORCES, [[encode_vectors(*pillar) for pillar in zip(*pad, strict=True)] for pad in pads]
 
 
 def encode_totals(totals_n: Sequence[Array]) -> tuple[int, Item]:
     """Return the block of the total force of each sensor, N, shape (3,); its torques are zero."""
-    return frames.TOTALS, [encode_vectors(total_n, (0, 0, 0)) for total_n in totals_n]
+    return papillarray.TOTALS, [encode_vectors(total_n, (0, 0, 0)) for total_n in totals_n]
 
 
 def encode_slip(pillars: Sequence[int]) -> list[tuple[int, Item]]:
     """Return the two blocks of a slip detection that is switched off, for sensors with these numbers of pillars."""
-    idle = frames.PILLAR_SLIP_FIELDS.pack(frames.SLIP_TYPE, 0, 0.0)
-    off = frames.SENSOR_SLIP_FIELDS.pack(frames.SLIP_TYPE, 0, 0.0, -1.0)
-    return [(frames.PILLAR_SLIP, [[idle] * count for count in pillars]), (frames.SENSOR_SLIP, [off] * len(pillars))]
+    idle = papillarray.PILLAR_SLIP_FIELDS.pack(papillarray.SLIP_TYPE, 0, 0.0)
+    off = papillarray.SENSOR_SLIP_FIELDS.pack(papillarray.SLIP_TYPE, 0, 0.0, -1.0)
+    return [
+        (papillarray.PILLAR_SLIP, [[idle] * count for count in pillars]),
+        (papillarray.SENSOR_SLIP, [off] * len(pillars)),
+    ]
 
 
 class PapillArrays(EmulatedTactile):
@@ -102,8 +104,8 @@ class PapillArrays(EmulatedTactile):
     """
 
     def __init__(self, seed: int, clock_ppm: float = 20.0) -> None:
-        super().__init__(TactileStream(seed, POWER_ON_HZ, (frames.PILLARS, 3), NOISE_N), 500.0)
-        self._stream.press(np.tile(RESTING_N, (frames.PILLARS, 1)))
+        super().__init__(TactileStream(seed, POWER_ON_HZ, (papillarray.PILLARS, 3), NOISE_N), 500.0)
+        self._stream.press(np.tile(RESTING_N, (papillarray.PILLARS, 1)))
         self._stream.start(0)
         self._ppm = clock_ppm
         self._counter = 0
@@ -118,12 +120,12 @@ class PapillArrays(EmulatedTactile):
         return []
 
     def _frame(self, taken_ns: int) -> bytes:
-        pads = [self._stream.reading(str(sensor)) for sensor in range(frames.SENSORS)]
+        pads = [self._stream.reading(str(sensor)) for sensor in range(papillarray.SENSORS)]
         blocks = [
             encode_hub(self._counter, device_us(taken_ns, self._ppm)),
             encode_pillars(pads, [pad / STIFFNESS_N_PER_MM for pad in pads]),
             encode_totals([pad.sum(axis=0) for pad in pads]),
-            *encode_slip([frames.PILLARS] * frames.SENSORS),
+            *encode_slip([papillarray.PILLARS] * papillarray.SENSORS),
         ]
         self._counter += 1
         return encode_blocks(blocks)

@@ -70,27 +70,26 @@ def _request_length(received: bytes, at: int) -> int:
     function = received[at + 1] if at + 1 < len(received) else modbus.READ_INPUT
     if function in (modbus.READ_HOLDING, modbus.READ_INPUT):
         return modbus.READ_LENGTH
-    size_at = modbus.SIZE_AT.get(function)
-    if size_at is None:
+    if function != modbus.WRITE:
         return 1
-    size = received[at + size_at] if at + size_at < len(received) else 0
-    return size_at + 1 + size + modbus.CRC_LENGTH
+    size_at = at + modbus.SIZE_AT
+    size = received[size_at] if size_at < len(received) else 0
+    return modbus.SIZE_AT + 1 + size + modbus.CRC_LENGTH
 
 
 def _parse_request(frame: bytes) -> modbus.Request | None:
     if len(frame) < modbus.READ_LENGTH or not modbus.checksum_matches(frame):
         return None
     unit, function = frame[:2]
-    read_address, read_count = struct.unpack_from(">HH", frame, 2) if function != modbus.WRITE else (0, 0)
-    write_address, count, registers = 0, 0, ()
-    if function in modbus.SIZE_AT:
-        size_at = modbus.SIZE_AT[function]
-        write_address, count = struct.unpack_from(">HH", frame, size_at - 4)
-        registers = struct.unpack_from(f">{frame[size_at] // 2}H", frame, size_at + 1)
-    if count != len(registers):
-        return None
+    address, count = struct.unpack_from(">HH", frame, 2)
+    registers: tuple[int, ...] = ()
+    if function == modbus.WRITE:
+        registers = struct.unpack_from(f">{frame[modbus.SIZE_AT] // 2}H", frame, modbus.SIZE_AT + 1)
+        if count != len(registers):
+            return None
+        count = 0
     try:
-        return modbus.Request(unit, function, read_address, read_count, write_address, registers)
+        return modbus.Request(unit, function, address, count, registers)
     except ValueError:
         return None
 
@@ -128,7 +127,7 @@ def parse_output(registers: tuple[int, ...]) -> Output:
 
 def write_output(registers: tuple[int, ...], request: modbus.Request) -> tuple[int, ...] | None:
     """Return the output registers after a write request; None if it writes outside them."""
-    first = request.write_address - robotiq_registers.OUTPUT_ADDRESS
+    first = request.address - robotiq_registers.OUTPUT_ADDRESS
     if first < 0 or first + len(request.registers) > robotiq_registers.REGISTERS:
         return None
     written = list(registers)
@@ -211,15 +210,16 @@ class Gripper2F(EmulatedDevice):
         self._moving, self._holding = scene.moving, scene.in_contact
 
     def _answer(self, request: modbus.Request, t_ns: int) -> bytes:
-        first = request.read_address - robotiq_registers.INPUT_ADDRESS
-        reads_well = first >= 0 and first + request.read_count <= READABLE
-        written = write_output(self._registers, request) if request.registers else self._registers
-        if written is None or (request.read_count and not reads_well):
-            return encode_exception(request, modbus.ILLEGAL_ADDRESS)
-        self._write_output(written, t_ns)
-        if not request.read_count:
+        if request.registers:
+            written = write_output(self._registers, request)
+            if written is None:
+                return encode_exception(request, modbus.ILLEGAL_ADDRESS)
+            self._write_output(written, t_ns)
             return encode_reply(request)
-        return encode_reply(request, (*self._status(t_ns), *UNUSED)[first : first + request.read_count])
+        first = request.address - robotiq_registers.INPUT_ADDRESS
+        if not 0 <= first <= READABLE - request.count:
+            return encode_exception(request, modbus.ILLEGAL_ADDRESS)
+        return encode_reply(request, (*self._status(t_ns), *UNUSED)[first : first + request.count])
 
     def _write_output(self, registers: tuple[int, ...], t_ns: int) -> None:
         was_active, written = self._output.activate, parse_output(registers)

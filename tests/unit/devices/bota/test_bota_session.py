@@ -75,7 +75,7 @@ def test_a_sensor_that_resets_while_running_is_configured_again() -> None:
     assert made.states[-2:] == ["configuring", "running"]
 
 
-def test_the_identity_is_that_of_the_last_banner_and_a_banner_without_a_name_is_forgotten() -> None:
+def test_the_identity_is_that_of_the_last_banner_and_text_without_end_is_not_kept() -> None:
     session = bota.Session()
     session.start(0)
     session.receive(NAMED[:40], 2)
@@ -85,8 +85,7 @@ def test_the_identity_is_that_of_the_last_banner_and_a_banner_without_a_name_is_
     session.receive(bota.BANNER + b"\r", 5)
     for now_ns in range(6, 200):
         session.receive(b"no name here\r\n", now_ns)
-        assert len(session._banner) < 1000
-    session.receive(NAMED[len(bota.BANNER) :], 300)
+        assert len(session._text) < 1000
     assert session.identity == ""
     session.stop()
     session.receive(NAMED, 400)

@@ -12,7 +12,6 @@ from slipd.devices import netft
 from slipd.devices.netft import netft_calibration
 from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.device_interface import DecoderHealth
-from slipd.devices.shared.sensor_session import RETRY_PAUSE_NS
 from slipd.tools.sim import emulated_rdt as sim
 
 COUNTS = (12_345_678, -2_500_000, 98_100_000, 150_000, -42_000, 7)
@@ -150,7 +149,7 @@ def test_the_inquiry_follows_the_options() -> None:
 def test_the_output_rate_is_set_only_where_the_page_reports_another(
     reported: dict[str, Any], wanted: int, request_: bytes, fault: str
 ) -> None:
-    """Request and rounding are those of public clients, see `netft_output_rate`."""
+    """Request and rounding are those of public clients, see `netft_calibration`."""
     page = sim.encode_xml(TAGS | {"runrate": 7000} | reported)
     asked = netft.inquiry(calibration="xml", output_hz=wanted)
     assert asked is not None
@@ -164,7 +163,7 @@ def test_the_output_rate_is_set_only_where_the_page_reports_another(
 
 def test_the_calibration_is_awaited_and_then_records_are_asked_for() -> None:
     session = started()
-    assert (session.state, session.next_deadline()) == ("waiting for calibration", RETRY_PAUSE_NS)
+    assert (session.state, session.next_deadline()) == ("waiting for calibration", None)
     assert session.receive(ANSWER, 5) == []
     assert (session.state, session.next_deadline(), session.on_time(5)) == ("waiting", 5, START_BUFFERED)
     (sample,) = session.receive(record(900), 6)
@@ -200,7 +199,4 @@ def test_a_wrong_answer_is_told_and_records_are_counted_but_not_returned() -> No
     session = started(sim.encode_tcp(0, 1), record(1) + record(2))
     assert session.state == "wrong calibration: counts_per_force must be a number from 1 to 1e+12, got 0"
     assert session.health == DecoderHealth(bad=3, bad_bytes=24)
-    due_ns = 5 + RETRY_PAUSE_NS
-    assert (session.next_deadline(), session.on_time(due_ns - 1), session.on_time(due_ns)) == (due_ns, b"", b"")
-    assert session.state.startswith("wrong calibration")
-    assert session.next_deadline() == due_ns + RETRY_PAUSE_NS
+    assert (session.next_deadline(), session.on_time(1 << 40)) == (None, b"")

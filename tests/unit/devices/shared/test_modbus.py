@@ -19,31 +19,23 @@ from slipd.tools.sim import emulated_robotiq_2f as sim
 
 POLL = Request(9, modbus.READ_INPUT, 2000, 3)
 WORKED = [
-    (Request(9, modbus.WRITE, write_address=1000, registers=(0, 0, 0)), "09 10 03 E8 00 03 06 00 00 00 00 00 00 73 30"),
+    (Request(9, modbus.WRITE, address=1000, registers=(0, 0, 0)), "09 10 03 E8 00 03 06 00 00 00 00 00 00 73 30"),
     (
-        Request(9, modbus.WRITE, write_address=1000, registers=(256, 0, 0)),
+        Request(9, modbus.WRITE, address=1000, registers=(256, 0, 0)),
         "09 10 03 E8 00 03 06 01 00 00 00 00 00 72 E1",
     ),
     (POLL, "09 04 07 D0 00 03 B1 CE"),
     (Request(9, modbus.READ_HOLDING, 2000, 3), "09 03 07 D0 00 03 04 0E"),
-    (
-        Request(9, modbus.READ_WRITE, 2000, 3, 1000, (0x0900, 0x00C8, 0x803C)),
-        "09 17 07 D0 00 03 03 E8 00 03 06 09 00 00 C8 80 3C 37 91",
-    ),
 ]
-"""From the maker's manual, but for the first and the last, which were computed."""
+"""From the maker's manual, but for the first, which was computed."""
 
 units, words, counts = st.integers(1, 247), st.integers(0, 0xFFFF), st.integers(1, 125)
 read_functions = st.sampled_from([modbus.READ_HOLDING, modbus.READ_INPUT])
 requests = st.one_of(
     st.builds(Request, units, read_functions, words, counts),
     st.builds(
-        lambda unit, at, registers: Request(unit, modbus.WRITE, write_address=at, registers=tuple(registers)),
+        lambda unit, at, registers: Request(unit, modbus.WRITE, address=at, registers=tuple(registers)),
         *(units, words, st.lists(words, min_size=1, max_size=123)),
-    ),
-    st.builds(
-        lambda unit, at, count, to, registers: Request(unit, modbus.READ_WRITE, at, count, to, tuple(registers)),
-        *(units, words, counts, words, st.lists(words, min_size=1, max_size=121)),
     ),
 )
 
@@ -62,28 +54,20 @@ def test_worked_replies_are_found() -> None:
 
 ASKED: dict[int, Callable[[Request], Any]] = {
     modbus.READ_HOLDING: lambda asked: peer.ReadHoldingRegistersRequest(
-        dev_id=asked.unit, address=asked.read_address, count=asked.read_count
+        dev_id=asked.unit, address=asked.address, count=asked.count
     ),
     modbus.READ_INPUT: lambda asked: peer.ReadInputRegistersRequest(
-        dev_id=asked.unit, address=asked.read_address, count=asked.read_count
+        dev_id=asked.unit, address=asked.address, count=asked.count
     ),
     modbus.WRITE: lambda asked: peer.WriteMultipleRegistersRequest(
-        dev_id=asked.unit, address=asked.write_address, registers=list(asked.registers)
-    ),
-    modbus.READ_WRITE: lambda asked: peer.ReadWriteMultipleRegistersRequest(
-        dev_id=asked.unit,
-        read_address=asked.read_address,
-        read_count=asked.read_count,
-        write_address=asked.write_address,
-        write_registers=list(asked.registers),
+        dev_id=asked.unit, address=asked.address, registers=list(asked.registers)
     ),
 }
 ANSWERED: dict[int, Callable[[Request, list[int]], Any]] = {
     modbus.READ_HOLDING: lambda asked, words: peer.ReadHoldingRegistersResponse(dev_id=asked.unit, registers=words),
     modbus.READ_INPUT: lambda asked, words: peer.ReadInputRegistersResponse(dev_id=asked.unit, registers=words),
-    modbus.READ_WRITE: lambda asked, words: peer.ReadWriteMultipleRegistersResponse(dev_id=asked.unit, registers=words),
     modbus.WRITE: lambda asked, _: peer.WriteMultipleRegistersResponse(
-        dev_id=asked.unit, address=asked.write_address, count=len(asked.registers)
+        dev_id=asked.unit, address=asked.address, count=len(asked.registers)
     ),
 }
 
@@ -95,7 +79,7 @@ def by_the_peer(pdu: ModbusPDU) -> bytes:
 @given(requests, st.data(), st.integers(1, 11))
 def test_requests_replies_and_refusals_are_those_of_the_peer(request_: Request, data: st.DataObject, code: int) -> None:
     assert modbus.encode_request(request_) == by_the_peer(ASKED[request_.function](request_))
-    count = request_.read_count
+    count = request_.count
     registers = tuple(data.draw(st.lists(words, min_size=count, max_size=count)))
     frame = by_the_peer(ANSWERED[request_.function](request_, list(registers)))
     assert sim.encode_reply(request_, registers) == frame
@@ -126,9 +110,9 @@ def test_a_reply_is_found_in_noise_and_no_damaged_or_foreign_one_is() -> None:
     assert modbus.find_reply(b"\x09\x04\x06" + reply + b"\x09", POLL) == modbus.Reply((1, 2, 3), 0, 11)
     odd = replace(POLL, unit=modbus.READ_INPUT | modbus.ERROR_FLAG)  # a refusal begins with two equal bytes
     assert modbus.find_reply(bytes((odd.unit,)) + sim.encode_exception(odd, 2), odd) == modbus.Reply((), 2, 5)
-    force = Request(9, modbus.WRITE, write_address=1002, registers=(1,))
+    force = Request(9, modbus.WRITE, address=1002, registers=(1,))
     assert modbus.find_reply(sim.encode_reply(force), WORKED[0][0]) is None
-    for other in ({"unit": 8}, {"function": modbus.READ_HOLDING}, {"read_count": 2}):
+    for other in ({"unit": 8}, {"function": modbus.READ_HOLDING}, {"count": 2}):
         assert modbus.find_reply(reply, replace(POLL, **other)) is None
     damaged = [reply[:at] + bytes((reply[at] ^ 1 << bit,)) + reply[at + 1 :] for at in range(11) for bit in range(8)]
     for wrong in (*damaged, *(reply[:size] for size in range(11))):
@@ -139,15 +123,14 @@ def test_a_reply_is_found_in_noise_and_no_damaged_or_foreign_one_is() -> None:
     "fields",
     [
         {"function": 6},
-        {"function": modbus.READ_INPUT, "read_count": 0},
-        {"function": modbus.READ_INPUT, "read_count": 126},
+        {"function": modbus.READ_INPUT, "count": 0},
+        {"function": modbus.READ_INPUT, "count": 126},
         {"function": modbus.WRITE},
         {"function": modbus.WRITE, "registers": (0,) * 124},
-        {"function": modbus.WRITE, "registers": (0,), "read_count": 1},
-        {"function": modbus.READ_WRITE, "registers": (0,) * 122, "read_count": 1},
-        {"function": modbus.READ_INPUT, "read_count": 1, "registers": (0,)},
+        {"function": modbus.WRITE, "registers": (0,), "count": 1},
+        {"function": modbus.READ_INPUT, "count": 1, "registers": (0,)},
     ],
 )
 def test_a_request_that_fits_no_frame_is_refused(fields: dict[str, int]) -> None:
     with pytest.raises(ValueError, match="function"):
-        Request(9, **fields)
+        Request(9, address=0, **fields)

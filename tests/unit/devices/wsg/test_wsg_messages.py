@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slipd.devices.shared import weiss_packets as weiss
+from slipd.devices.wsg import Decoder
 from slipd.devices.wsg import wsg_messages as wire
-from slipd.devices.wsg.wsg_decoder import Decoder, Reply
-from slipd.devices.wsg.wsg_messages import Limits
+from slipd.devices.wsg.wsg_messages import Limits, Reply
 from slipd.tools.sim import emulated_wsg as sim
 
 LIMITS = Limits(110.0, 5.0, 420.0, 100.0, 5000.0, 5.0, 80.0, 120.0)
@@ -76,7 +76,7 @@ def test_limits_and_serial_number_are_little_endian() -> None:
     """Bytes from the field tables of the public drivers, not from a gripper."""
     limits = "0000DC42 0000A040 0000D243 0000C842 00409C45 0000A040 0000A042 0000F042"
     assert wire.parse_limits(bytes.fromhex(limits)) == (110.0, 5.0, 420.0, 100.0, 5000.0, 5.0, 80.0, 120.0)
-    assert wire.parse_serial(bytes.fromhex("01 00 34 12 78 56 34 92")) == 0x92345678
+    assert wire.SYSTEM_FIELDS.unpack(bytes.fromhex("01 00 34 12 78 56 34 92"))[3] == 0x92345678
 
 
 def test_every_status_has_a_word_and_comes_without_data() -> None:
@@ -112,6 +112,7 @@ def test_every_state_bit_has_one_word() -> None:
         sim.encode_limits(LIMITS._replace(max_speed=5.0)),
         sim.encode_limits(LIMITS._replace(nominal_force=5.0)),
         sim.encode_limits(LIMITS._replace(nominal_force=1e4)),
+        sim.encode_limits(LIMITS._replace(overdrive_force=1e4)),
         wire.encode(wire.WIDTH, bytes(60_000)),
         weiss.encode(wire.HOME, bytes(2), weiss.SEED_AFTER_PREAMBLE),
     ],

@@ -14,7 +14,7 @@ UNIT, OUT, IN = robotiq_registers.UNIT, robotiq_registers.OUTPUT_ADDRESS, roboti
 
 
 def write(gripper, registers, t_ns, at=OUT):
-    request = modbus.Request(UNIT, modbus.WRITE, write_address=at, registers=registers)
+    request = modbus.Request(UNIT, modbus.WRITE, at, registers=registers)
     return modbus.find_reply(b"".join(gripper.receive(modbus.encode_request(request), t_ns)), request)
 
 

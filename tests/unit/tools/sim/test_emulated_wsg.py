@@ -7,9 +7,9 @@ from driving import drive
 from nanoseconds import MS
 from permits import move
 
-from slipd.devices.wsg import Session
+from slipd.devices.wsg import Decoder, Session
 from slipd.devices.wsg import wsg_messages as wire
-from slipd.devices.wsg.wsg_decoder import Decoder, Reply
+from slipd.devices.wsg.wsg_messages import Reply
 from slipd.tools.sim import emulated_wsg as sim
 from slipd.tools.sim.emulated_wsg import LIMITS, Gripper, make
 
@@ -122,7 +122,7 @@ def test_updates_come_at_their_periods_until_the_line_is_opened_anew(gripper: Gr
 
 def test_it_reports_identity_and_settings_and_refuses_unknown_commands(gripper: Gripper) -> None:
     assert wire.parse_limits(told(gripper, wire.encode(wire.LIMITS))) == LIMITS
-    assert wire.parse_serial(told(gripper, wire.encode(wire.SYSTEM))) == 4711
+    assert wire.SYSTEM_FIELDS.unpack(told(gripper, wire.encode(wire.SYSTEM)))[3] == 4711
     assert gripper.receive(wire.encode(0x36), 0) == [sim.encode_reply(0x36, sim.UNKNOWN_COMMAND)]
     assert ask(gripper, wire.encode(wire.HOME)) == [(wire.HOME, sim.NOT_ENOUGH_PARAMETERS)]
     assert ask(gripper, wire.encode(wire.HOME, bytes(2))) == [(wire.HOME, sim.NO_PARAMETER_EXPECTED)]

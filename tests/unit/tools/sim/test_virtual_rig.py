@@ -16,7 +16,7 @@ TICK_NS = 1_250_000
 
 def write(rig, registers, t_ns):
     request = modbus.Request(
-        robotiq_registers.UNIT, modbus.WRITE, write_address=robotiq_registers.OUTPUT_ADDRESS, registers=registers
+        robotiq_registers.UNIT, modbus.WRITE, robotiq_registers.OUTPUT_ADDRESS, registers=registers
     )
     assert rig.devices["gripper"].receive(modbus.encode_request(request), t_ns)
 

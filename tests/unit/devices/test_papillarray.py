@@ -10,7 +10,6 @@ import pytest
 from readings import Case, fields
 
 from slipd.devices import papillarray
-from slipd.devices.papillarray import papillarray_frames as frames
 from slipd.devices.shared.sensor_session import SILENCE_NS
 from slipd.tools.sim import emulated_pads as sim
 
@@ -38,7 +37,7 @@ def frame(number: int, *pads: np.ndarray, width: int = 2, slip: bool = False) ->
 
 def resum(body: bytes) -> bytes:
     """Return a frame with the body and its sum."""
-    return frames.START + body + (sum(body) & 0xFFFF).to_bytes(2, "little") + frames.END
+    return papillarray.START + body + (sum(body) & 0xFFFF).to_bytes(2, "little") + papillarray.END
 
 
 def images(*numbers: int) -> list[dict[str, Any]]:
@@ -67,7 +66,7 @@ ACCEPTED_FORCES_N = {"0": [[1.0, -2.0, 3.0], [4.0, 5.0, -6.0]], "1": [[7.0, 8.0,
 HUB = sim.encode_hub(1, 1000)
 PILLARS = pillars(forces(1))
 ENTRY = sim.encode_vectors((1, 2, 3), (0, 0, 0))
-MARKER = np.where(np.arange(9)[:, None] == 3, np.frombuffer(frames.END * 3, "<f4").astype(np.float64), forces(5))
+MARKER = np.where(np.arange(9)[:, None] == 3, np.frombuffer(papillarray.END * 3, "<f4").astype(np.float64), forces(5))
 WILD = [np.where(np.arange(27).reshape(9, 3) == 14, value, forces(0)) for value in (np.nan, np.inf)]
 COUNTERS = ("FE FF FF FF", "FF FF FF FF", "00 00 00 00", "02 00 00 00")
 CASES = {
@@ -92,8 +91,8 @@ CASES = {
         )
         for at, blocks in enumerate(
             (
-                [(frames.UNDEFINED, frames.END + b"whatever"), pillars(forces(4))],
-                [pillars(forces(4)), (frames.UNDEFINED, frames.END + b"whatever")],
+                [(papillarray.UNDEFINED, papillarray.END + b"whatever"), pillars(forces(4))],
+                [pillars(forces(4)), (papillarray.UNDEFINED, papillarray.END + b"whatever")],
             )
         )
     },
@@ -134,9 +133,9 @@ def test_the_encoders_write_a_frame_that_the_makers_parser_accepts() -> None:
     blocks = [
         sim.encode_hub(7, 123_456),
         sim.encode_pillars(forces_n, displaced_mm),
-        (frames.TOTALS, totals),
-        (frames.PILLAR_SLIP, states),
-        (frames.SENSOR_SLIP, sensor_states),
+        (papillarray.TOTALS, totals),
+        (papillarray.PILLAR_SLIP, states),
+        (papillarray.SENSOR_SLIP, sensor_states),
     ]
     assert sim.encode_blocks(blocks) == ACCEPTED
 
@@ -146,21 +145,21 @@ CONTRADICTIONS: list[list[tuple[int, sim.Item]]] = [
     [PILLARS],
     [HUB, HUB],
     [HUB, PILLARS, PILLARS],
-    [HUB, (frames.PILLAR_FORCES, [[ENTRY + b"\0"]])],
-    [HUB, (frames.PILLAR_FORCES, [[ENTRY[:-1]]])],
-    [HUB, (frames.PILLAR_FORCES, b"\0")],
-    [(frames.HUB, bytes(13)), PILLARS],
+    [HUB, (papillarray.PILLAR_FORCES, [[ENTRY + b"\0"]])],
+    [HUB, (papillarray.PILLAR_FORCES, [[ENTRY[:-1]]])],
+    [HUB, (papillarray.PILLAR_FORCES, b"\0")],
+    [(papillarray.HUB, bytes(13)), PILLARS],
     [sim.encode_hub(1, 1 << 53), PILLARS],
     [HUB, pillars(*[forces(1)] * 3)],
     [HUB, pillars(forces(1, 10))],
-    [HUB, (frames.SENSOR_SLIP, [struct.pack("<BBff", 1, 0, 0, 0)]), PILLARS],
-    [HUB, (frames.SENSOR_SLIP, [struct.pack("<HBff", 2, 0, 0, 0)]), PILLARS],
-    [HUB, (frames.TOTALS, [b"\3\0" + ENTRY[2:]])],
-    [HUB, (frames.TOTALS, b"\1\0\5\0" + ENTRY)],
+    [HUB, (papillarray.SENSOR_SLIP, [struct.pack("<BBff", 1, 0, 0, 0)]), PILLARS],
+    [HUB, (papillarray.SENSOR_SLIP, [struct.pack("<HBff", 2, 0, 0, 0)]), PILLARS],
+    [HUB, (papillarray.TOTALS, [b"\3\0" + ENTRY[2:]])],
+    [HUB, (papillarray.TOTALS, b"\1\0\5\0" + ENTRY)],
     [HUB, (2, b""), PILLARS],
     LATER,
 ]
-UNDEFINED = sim.encode_blocks([HUB, (frames.UNDEFINED, b""), PILLARS])
+UNDEFINED = sim.encode_blocks([HUB, (papillarray.UNDEFINED, b""), PILLARS])
 WRONG_OFFSETS: list[dict[int, int]] = [
     {0: 3}, {0: 0}, {0: 9}, {3: 22}, {3: 24}, {3: 21, 4: 0}, {3: 1}, {3: 0xFF, 4: 0xFF}, {7: 34}, {7: 0xFF, 8: 0xFF},
     {11: 0}, {21: 1}, {22: 1}, {37: 6}, {39: 98}, {43: 46},
@@ -183,21 +182,23 @@ def test_an_index_with_a_wrong_offset_is_rejected(whole: bytes, change: dict[int
     for at, byte in change.items():
         body[at] = byte
     assert body != whole[4:-6]
-    assert frames.parse(resum(bytes(body)) + bytes(frames.LONGEST), 0) == (-1, None)
+    assert papillarray.measure(resum(bytes(body)) + bytes(papillarray.LONGEST), 0) == -1
 
 
 def test_an_unfinished_frame_is_awaited_up_to_the_longest_or_the_next_and_no_frame_is_longer() -> None:
-    begun = sim.encode_blocks([HUB, (frames.UNDEFINED, b"\1")])[:-6]
-    sizes = len(begun), frames.LONGEST - 1, frames.LONGEST
-    assert [frames.parse(b"\0" + begun.ljust(size, b"\1"), 1) for size in sizes] == [(0, None), (0, None), (-1, None)]
-    assert frames.parse(begun + frames.END + frames.START, 0) == (-1, None)
-    fits, beyond = (sim.encode_blocks([HUB, (frames.UNDEFINED, bytes(frames.LONGEST - 40 + more))]) for more in (0, 40))
-    assert [frames.parse(whole, 0)[0] for whole in (fits, beyond)] == [len(fits), -1]
+    begun = sim.encode_blocks([HUB, (papillarray.UNDEFINED, b"\1")])[:-6]
+    sizes = len(begun), papillarray.LONGEST - 1, papillarray.LONGEST
+    assert [papillarray.measure(b"\0" + begun.ljust(size, b"\1"), 1) for size in sizes] == [0, 0, -1]
+    assert papillarray.measure(begun + papillarray.END + papillarray.START, 0) == -1
+    fits, beyond = (
+        sim.encode_blocks([HUB, (papillarray.UNDEFINED, bytes(papillarray.LONGEST - 40 + more))]) for more in (0, 40)
+    )
+    assert [papillarray.measure(whole, 0) for whole in (fits, beyond)] == [len(fits), -1]
 
 
 def test_T2_two_frames_mixed_or_one_that_misses_a_part_are_dropped_whole() -> None:
     for cut in range(1, len(frame(1)), 3):
-        samples = papillarray.Decoder().receive(frame(0) + frame(1)[:cut] + frame(2) + bytes(frames.LONGEST), 0)
+        samples = papillarray.Decoder().receive(frame(0) + frame(1)[:cut] + frame(2) + bytes(papillarray.LONGEST), 0)
         assert [sample.device_time_ns for sample in samples] == [0, 2_000_000]
 
 

@@ -1,0 +1,266 @@
+"""Contactile PapillArray pads behind a PTS controller: nine three-axis pillars per sensor, two sensors per port.
+
+The controller streams without a request; the session only sets its rate. It never sends the command that zeroes the
+sensors, because slipd's own tares are reversible.
+
+A frame, little-endian: ``55 66 77 88``, width of an offset (u8), an index of blocks (type u16, offset) that ends with
+the type 0, the blocks, the 16-bit sum of all bytes after the start marker, ``AA BB CC DD``. Blocks contain arrays of
+arrays. Every offset, in the index and in the arrays, counts from the byte after the start marker.
+
+A frame has no length and nothing in it is escaped, so the parser follows its offsets: every offset must point to the
+end of the previous item, and the last item must be followed by sum and end marker. If the last block has no defined
+content, the frame ends at the first end marker at which the sum matches. An end marker directly followed by a start
+marker ends the frame in any case.
+
+Source: the maker's parser, ``PTSDKParser::parseDataPacket`` of libPTSDK 2.0 (December 2022), in the public repository
+langxin11/tactile_grasp_lab at 7be4d64, ``ros2_ws/src/papillarray_ros2_v2/lib/libPTSDK.a`` (x86-64). It shows the type 0
+at the end of the index, the offsets from the start of the packet, force before displacement, and types of two bytes in
+all entries. PTSCOM_2.0_SPEC_SEP22 (section 3.2) agrees that "the first byte after the start packet" has index 0.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+
+import numpy as np
+
+from slipd.devices import Device, RateOption
+from slipd.devices.shared.device_interface import check_choice
+from slipd.devices.shared.frame_scanner import NO_FRAME, FrameDecoder, FrameScanner
+from slipd.devices.shared.msgpack_messages import Incomplete, Malformed, arrived
+from slipd.devices.shared.sensor_session import SensorSession, StartupSequence, Step
+from slipd.devices.shared.sequence_tracker import SequenceTracker
+from slipd.types.samples import Sample, TactileSample
+
+START = b"\x55\x66\x77\x88"
+END = b"\xaa\xbb\xcc\xdd"
+
+SENSORS, PILLARS = 2, 9
+"""Largest numbers of sensors per controller, and of pillars per sensor (three by three)."""
+
+LONGEST = 1024
+"""Longest frame, bytes; all blocks of two sensors with the widest offsets fill 915."""
+
+HUB, PILLAR_FORCES, TOTALS, PILLAR_SLIP, SENSOR_SLIP, UNDEFINED = 1, 3, 4, 5, 6, 7
+"""Types of a block."""
+
+INDEX_END = b"\0\0"
+VECTORS_FIELDS = struct.Struct("<H6f")  # entry type, six numbers
+VECTORS_TYPE = 2
+PILLAR_SLIP_FIELDS = struct.Struct("<Hbf")  # entry type, state of slip, friction
+SENSOR_SLIP_FIELDS = struct.Struct("<HBff")  # entry type, state of the detection, friction, grip force it asks for, N
+SLIP_TYPE = 1
+HUB_FIELDS = struct.Struct("<IQ")  # frame counter, device time in µs
+SUM_LENGTH = 2
+
+_TYPICAL_LENGTH = 640  # two sensors of nine pillars and their totals
+_COUNTER_SPAN = 1 << 32
+_LATEST_US = 1 << 53  # 285 years
+_WIDTHS = (1, 2, 4)  # of an offset, bytes
+_PILLAR = np.dtype([("type", "<u2"), ("force_n", "<f4", 3), ("displacement_mm", "<f4", 3)])
+
+_Layout = tuple[tuple[int, ...], int, int]
+_LAYOUTS: dict[int, _Layout] = {
+    PILLAR_FORCES: ((SENSORS, PILLARS), VECTORS_TYPE, VECTORS_FIELDS.size),
+    TOTALS: ((SENSORS,), VECTORS_TYPE, VECTORS_FIELDS.size),
+    PILLAR_SLIP: ((SENSORS, PILLARS), SLIP_TYPE, PILLAR_SLIP_FIELDS.size),
+    SENSOR_SLIP: ((SENSORS,), SLIP_TYPE, SENSOR_SLIP_FIELDS.size),
+}
+"""For each type of block with arrays: most items of each, the outermost first; type and length of an entry."""
+
+
+class Decoder(FrameDecoder):
+    """Return a tactile sample of every sensor in a frame; ``source`` is its index in the frame, "0" or "1".
+
+    ``values`` has shape (pillars, 3): Fx, Fy, Fz of each pillar in N, in the order, axes and sign that the controller
+    sends. ``device_time_ns`` is the controller's clock, which never wraps. The decoder checks the structure of
+    displacements, totals and the controller's own slip detection, but does not use them: force and torque follow from
+    the pillars' forces.
+
+    `health.lost`, `duplicates` and `restarts` count frames by the controller's counter, `good` counts samples.
+
+    The only status name is "invalid": a value is not finite.
+
+    Attributes:
+        frames_found: Number of frames that the bytes received last completed, also of those without sensors.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._frames = FrameScanner(START, measure, _TYPICAL_LENGTH, self.health)
+        self._sequence = SequenceTracker(_COUNTER_SPAN, self.health, in_order=True)
+        self.frames_found = 0
+
+    def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
+        """Decode bytes received at ``t_ns``; return the images they complete."""
+        buffer, found = self._frames.receive(data)
+        self.frames_found = len(found)
+        samples = [sample for at, _ in found for sample in self._samples(buffer[at + len(START) :], t_ns)]
+        self.health.good += len(samples)
+        return samples
+
+    def forget(self) -> None:
+        """Drop a partial frame and the expected counter, because the line was closed."""
+        super().forget()
+        self._sequence.forget()
+
+    def _samples(self, body: bytes, t_ns: int) -> list[TactileSample]:
+        """Return the images of a valid frame."""
+        blocks, width = _index(body)[0], body[0]
+        counter, time_us = HUB_FIELDS.unpack_from(body, blocks[HUB])
+        if not self._sequence.accept(counter) or PILLAR_FORCES not in blocks:
+            return []
+        array = blocks[PILLAR_FORCES]
+        samples = []
+        for sensor in range(_count(body, array)):
+            begin = _number(body, array + 2 + sensor * width, width)
+            if pillars := _count(body, begin):
+                entries = np.frombuffer(body, _PILLAR, pillars, begin + 2 + pillars * width)
+                forces_n = entries["force_n"].astype(np.float64)
+                status = () if np.isfinite(forces_n).all() else ("invalid",)
+                samples.append(TactileSample(t_ns, time_us * 1000, forces_n, status, str(sensor)))
+        return samples
+
+
+def measure(buffer: bytes, at: int) -> int:
+    """Return the length of the valid frame at ``at``; 0 if more bytes may complete one, else `NO_FRAME`."""
+    begin = at + len(START)
+    closed = buffer.find(END + START, begin, at + LONGEST + len(START))
+    body = buffer[begin : at + LONGEST if closed < 0 else closed + len(END)]
+    try:
+        return len(START) + _blocks_end(body) + SUM_LENGTH + len(END)
+    except Malformed:
+        return NO_FRAME
+    except Incomplete:
+        return 0 if closed < 0 and len(buffer) < at + LONGEST else NO_FRAME
+
+
+def _index(body: bytes) -> tuple[dict[int, int], int]:
+    """Return where each block begins, by type in the order of the index, and where the index ends."""
+    width = body[arrived(body, 1) - 1]
+    if width not in _WIDTHS:
+        raise Malformed
+    entry = 2 + width
+    count, rest = divmod(_number(body, 3, width) - 1, entry)
+    table_end = 1 + count * entry
+    end = table_end + len(INDEX_END)
+    if not 1 <= count <= UNDEFINED or rest != len(INDEX_END) or body[table_end : arrived(body, end)] != INDEX_END:
+        raise Malformed
+    begins = {_count(body, at): _number(body, at + 2, width) for at in range(1, table_end, entry)}
+    if HUB not in begins or len(begins) < count:
+        raise Malformed
+    return begins, end
+
+
+def _blocks_end(body: bytes) -> int:
+    """Return where the last block ends, before the sum and the end marker."""
+    begins, end = _index(body)
+    before = HUB
+    for kind, begin in begins.items():
+        if begin != end and (before != UNDEFINED or begin < end):
+            raise Malformed
+        before, end = kind, _block_end(body, kind, begin)
+    if _is_end(body, end):
+        return end
+    if before != UNDEFINED:
+        raise Malformed
+    marker = body.find(END, end + SUM_LENGTH)
+    while marker >= 0:
+        if _is_end(body, marker - SUM_LENGTH):
+            return marker - SUM_LENGTH
+        marker = body.find(END, marker + 1)
+    raise Incomplete
+
+
+def _is_end(body: bytes, at: int) -> bool:
+    """Return whether the blocks end at ``at``, followed by their sum and the end marker."""
+    tail = body[at : arrived(body, at + SUM_LENGTH + len(END))]
+    return tail.endswith(END) and sum(body[:at]) & 0xFFFF == int.from_bytes(tail[:SUM_LENGTH], "little")
+
+
+def _block_end(body: bytes, kind: int, at: int) -> int:
+    """Return where the block at ``at`` ends; of an undefined one, where it begins."""
+    if kind == UNDEFINED:
+        return at
+    if kind == HUB:
+        end = arrived(body, at + HUB_FIELDS.size)
+        if _number(body, at + 4, 8) >= _LATEST_US:
+            raise Malformed
+        return end
+    if kind not in _LAYOUTS:
+        raise Malformed
+    return _items_end(body, at, *_LAYOUTS[kind])
+
+
+def _items_end(body: bytes, at: int, most: tuple[int, ...], entry_type: int, entry_size: int) -> int:
+    """Return where an array ends: count, offset of each item, items; or, without a ``most``, an entry."""
+    width, count = body[0], _count(body, at)
+    if not most:
+        if count != entry_type:  # an entry begins with its type
+            raise Malformed
+        return arrived(body, at + entry_size)
+    if count > most[0]:
+        raise Malformed
+    first = end = at + 2 + count * width
+    for place in range(at + 2, first, width):
+        if _number(body, place, width) != end:
+            raise Malformed
+        end = _items_end(body, end, most[1:], entry_type, entry_size)
+    return end
+
+
+def _number(body: bytes, at: int, width: int) -> int:
+    return int.from_bytes(body[at : arrived(body, at + width)], "little")
+
+
+def _count(body: bytes, at: int) -> int:
+    return _number(body, at, 2)
+
+
+RATES_HZ = (100, 250, 500, 1000)
+
+
+class Session(SensorSession[Decoder]):
+    """Set the controller's rate, and set it again whenever the stream falls silent.
+
+    `state` is "closed", "waiting", "running" or "no answer to rate". The controller does not identify itself, so
+    `identity` is "".
+
+    Args:
+        rate_hz: Frames per second: 100, 250, 500 or 1000.
+
+    Raises:
+        ValueError: The rate is not one of these.
+    """
+
+    def __init__(self, rate_hz: int = 500) -> None:
+        check_choice("rate_hz", rate_hz, RATES_HZ)
+        # There is no last request, because the controller has no command that stops it.
+        super().__init__(Decoder(), StartupSequence([Step("rate", f"f{rate_hz}\n".encode(), "none")]))
+
+    def receive(self, data: bytes, now_ns: int) -> Sequence[Sample]:
+        """Decode bytes received at ``now_ns``; return the images they complete."""
+        samples = super().receive(data, now_ns)
+        if self.decoder.frames_found:  # the controller sends, even if no sensor is connected
+            self._startup.reading_received(now_ns)
+        return samples
+
+
+DEVICE = Device(
+    "papillarray",
+    "tactile",
+    ("serial",),
+    Decoder,
+    Session,
+    rates_hz=(RATES_HZ[0], RATES_HZ[-1]),
+    baud=115_200,
+    axes=3,
+    measures_newtons=True,
+    taxels=PILLARS,
+    shared=True,
+    sensors=tuple(map(str, range(SENSORS))),
+    rate_option=RateOption("rate_hz"),
+    frame="a PTS frame",
+    evidence="maker",
+)
