@@ -137,8 +137,7 @@ SETTLE_NS = 500_000_000
 
 _TEXT_KEPT = 512  # bytes; a banner has fewer than 100
 
-_BOOT, _RUN = Step("boot text", b"", "optional", QUIET_NS, attempts=1), Step("R", RUN)
-_ANSWERED_BY_FRAMES = (_BOOT, _RUN)
+_FRAMES = "frames"  # are an answer to a step with this `Step.reply`, beside its acknowledgement
 
 
 class Session(SensorSession[Decoder]):
@@ -165,8 +164,10 @@ class Session(SensorSession[Decoder]):
         check_integer("sinc_length", sinc_length, *SINC_LENGTHS)
         communication = f"c,{int(temperature_compensation)},1,0,{_BAUD_460800}\n".encode()  # calibrated, binary
         filtering = f"f,{sinc_length},0,0,1\n".encode()  # without chop, fast mode or FIR
+        boot = Step("boot text", b"", "optional", QUIET_NS, attempts=1, reply=_FRAMES)
         commands = [Step(text[:1].decode(), text) for text in (CONFIGURE, communication, filtering)]
-        super().__init__(Decoder(), StartupSequence([_BOOT, *commands, _RUN]), CONFIGURE)
+        start = Step("R", RUN, reply=_FRAMES)
+        super().__init__(Decoder(), StartupSequence([boot, *commands, start]), CONFIGURE)
         self._booted_ns = 0
         self._text = b""  # received since the last command or the beginning of the banner
 
@@ -179,7 +180,8 @@ class Session(SensorSession[Decoder]):
     def receive(self, data: bytes, now_ns: int) -> list[WrenchSample]:
         """Decode bytes received at ``now_ns``; return the readings they complete."""
         samples = self.decoder.receive(data, now_ns)
-        if self.decoder.text_passed or self._startup.awaited in _ANSWERED_BY_FRAMES:
+        awaited = self._startup.awaited
+        if self.decoder.text_passed or (awaited is not None and awaited.reply == _FRAMES):
             self._handle_text(data, bool(samples), now_ns)
         if samples:
             self._startup.reading_received(now_ns)
@@ -209,11 +211,11 @@ class Session(SensorSession[Decoder]):
         if awaited is None:
             return
         code = find_ack(self._text, awaited.name)
-        if code is None and has_frames and awaited in _ANSWERED_BY_FRAMES:
+        if code is None and has_frames and awaited.reply == _FRAMES:
             code = 0
         if code is not None:
             self._startup.handle_answer(now_ns, f"refused {awaited.name} with code {code}" if code else "")
-        if code == 0 and awaited is _RUN:
+        if code == 0 and awaited.request == RUN:
             self._startup.reading_received(now_ns)
 
 
