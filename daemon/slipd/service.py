@@ -14,15 +14,16 @@ import time
 from collections.abc import Callable, Coroutine
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from slipd.compile_kernels import compile_kernels, interruptible
 from slipd.config import Config, hints, load
-from slipd.errors import SlipdError
-from slipd.events import HostNotice
+from slipd.errors import SlipdError, one_line
+from slipd.events import Event, HostNotice
 from slipd.io.event_loop import PollingSelector, Ticker, realtime_priority
-from slipd.io.run_signals import ConfigReload, EndSignals, kept_text, reload_requests
+from slipd.io.run_signals import EndSignals, changed_config, kept_text, reload_requests
 from slipd.io.systemd import SystemdNotifier, watch_stages
 from slipd.io.transport import Links
 from slipd.io.zmtp.listener import raise_descriptor_limit
@@ -41,22 +42,16 @@ class ProcessControl:
 
     Attributes:
         ends: Signals that end the run, once the kernels are compiled; None: none do.
-        reload: Ends the run where the config file holds another config; None: the file is not read again.
+        changed: Returns the next config once the file holds another than this one, and calls back with notices until
+            then; None: the file is not read again.
         config_fault: Why the config in force is not that of the file, for people; "" where it is.
         notifier: Reports to systemd.
     """
 
     ends: EndSignals | None = None
-    reload: ConfigReload | None = None
+    changed: Callable[[Config, Callable[[Event], None]], Coroutine[Any, Any, Config]] | None = None
     config_fault: str = ""
     notifier: SystemdNotifier = SystemdNotifier({})  # noqa: RUF009 - without systemd it has no state
-
-    def report_end(self) -> None:
-        """Report to systemd that the run ends, or gives way to one with another config."""
-        if self.reload is not None and self.reload.found is not None:
-            self.notifier.send("RELOADING=1", f"MONOTONIC_USEC={time.monotonic_ns() // 1000}")
-        else:
-            self.notifier.send("STOPPING=1")
 
 
 NO_CONTROL = ProcessControl()
@@ -69,7 +64,7 @@ async def serve(
     on_ready: Callable[[Endpoints], None] = lambda _: None,
     stop: asyncio.Event | None = None,
     control: ProcessControl = NO_CONTROL,
-) -> None:
+) -> Config | None:
     """Run the daemon until ``stop`` is set, or the process ends the run.
 
     Resources that only one daemon may hold are claimed first, so that a second daemon is refused before it compiles its
@@ -82,15 +77,22 @@ async def serve(
         stop: Setting it ends the run.
         control: How the process controls the run; by default it does not.
 
+    Returns:
+        The changed config of the file, which ended the run; None where something else did.
+
     Raises:
         LinkError: An endpoint cannot be bound, a key file is invalid, or another daemon holds the runtime directory.
         KeyboardInterrupt: SIGINT came before the kernels were ready.
         RecordingError: The recording cannot be created, or its disk failed; a failing disk does not end the run.
     """
     stop = stop or asyncio.Event()
+
+    def show_status(text: str) -> None:
+        control.notifier.send(f"STATUS={one_line(text)}")
+
     with ExitStack() as stack:
         with interruptible():
-            run = stack.enter_context(ServiceRun(config, record, stop, control.notifier.status))
+            run = stack.enter_context(ServiceRun(config, record, stop, show_status))
             compile_kernels()
         raise_descriptor_limit()
         if control.ends is not None:
@@ -103,7 +105,9 @@ async def serve(
         stack.callback(gc.unfreeze)
         async with asyncio.TaskGroup() as tasks, Links(tasks, run.engine.links.values(), run.handle) as links:
             run.links = links
-            helpers = [tasks.create_task(work, name=name) for name, work in _helpers(run, links, control).items()]
+            helpers: list[asyncio.Task[Any]] = [
+                tasks.create_task(work, name=name) for name, work in _helpers(run, links, control).items()
+            ]
             run.report_recordings()
             if refused:
                 _log.warning("realtime: %s", refused, extra={"slipd_fault": "realtime-refused"})
@@ -113,12 +117,20 @@ async def serve(
             on_ready(run.endpoints)
             run.recorders.kept = True
             control.notifier.send("READY=1")
+            reload = None
+            if control.changed is not None:
+                reload = tasks.create_task(control.changed(config, run.handle), name="reload")
+                reload.add_done_callback(lambda _: stop.set())
+                helpers.append(reload)
             await stop.wait()
-            control.report_end()
+            found = reload.result() if reload is not None and reload.done() else None
+            reloading = "RELOADING=1", f"MONOTONIC_USEC={time.monotonic_ns() // 1000}"
+            control.notifier.send(*(("STOPPING=1",) if found is None else reloading))
             run.end()
             for helper in helpers:
                 helper.cancel()
     run.raise_failure()
+    return found
 
 
 def _helpers(run: ServiceRun, links: Links, control: ProcessControl) -> dict[str, Coroutine[Any, Any, None]]:
@@ -128,8 +140,6 @@ def _helpers(run: ServiceRun, links: Links, control: ProcessControl) -> dict[str
         "ticker": Ticker(run.tick, lambda: run.events_handled, run.engine.wall.minus_monotonic_ns).run(),
         "losses": _report_losses(links),
     }
-    if control.reload is not None:
-        helpers["reload"] = control.reload.watch(run.config, run.handle, run.stop)
     if notifier.watchdog_s is not None:
         listeners = run.publisher, run.requests
         helpers["watchdog"] = watch_stages(
@@ -170,7 +180,7 @@ def run_command(config: Path, record: Path | None) -> None:
     selector = PollingSelector()
     with asyncio.Runner(loop_factory=lambda: asyncio.SelectorEventLoop(selector)) as runner:
         try:
-            runner.run(serve_file(config, record, print_endpoints, selector))
+            runner.run(serve_file(config, record, selector))
         except BaseExceptionGroup as group:
             first: BaseException = group
             while isinstance(first, BaseExceptionGroup):  # the first failure inside task groups
@@ -178,14 +188,7 @@ def run_command(config: Path, record: Path | None) -> None:
             raise first from group
 
 
-def print_endpoints(endpoints: Endpoints) -> None:
-    """Print the endpoints of the daemon, for people and for programs that start it."""
-    print(f"publish: {endpoints.publish}\nrequests: {endpoints.requests}", flush=True)
-
-
-async def serve_file(
-    file: Path, record: Path | None, on_ready: Callable[[Endpoints], None], selector: PollingSelector
-) -> None:
+async def serve_file(file: Path, record: Path | None, selector: PollingSelector) -> None:
     """Run the daemon until SIGINT or SIGTERM; a run that has begun always closes its recordings.
 
     SIGHUP reads the file again. A changed config starts a new run in this process, with a boot id of its own: as after
@@ -199,7 +202,6 @@ async def serve_file(
     Args:
         file: The config.
         record: As for `slipd.service.serve`; later runs record beside it, to files with a number.
-        on_ready: Called with the endpoints of each run.
         selector: That of the running loop; it polls where the config in force has ``[realtime] poll``.
 
     Raises:
@@ -211,10 +213,11 @@ async def serve_file(
     refused: SlipdError | None = None  # why the config of the file is not in force
     served = False
 
-    def note_served(endpoints: Endpoints) -> None:
+    def show(endpoints: Endpoints) -> None:
+        """Print the endpoints of a run, for people and for programs that start the daemon."""
         nonlocal served
         served = True
-        on_ready(endpoints)
+        print(f"publish: {endpoints.publish}\nrequests: {endpoints.requests}", flush=True)
 
     hangup = [signal.SIGHUP] if requested is None else []  # ends the daemon where it does not reload
     with EndSignals(signal.SIGINT, signal.SIGTERM, *hangup) as ends:
@@ -222,14 +225,14 @@ async def serve_file(
             selector.polls = config.realtime.poll
             for hint in hints(config, str(file)) if refused is None else ():
                 _log.warning("%s", hint)
-            reload = None if requested is None else ConfigReload(file, requested)
+            changed = None if requested is None else partial(changed_config, file, requested)
             first, served = before is None and refused is None, False
             try:
-                await serve(
+                found = await serve(
                     config,
                     record=None if record is None else _free_name(record, first=first),
-                    on_ready=note_served,
-                    control=ProcessControl(ends, reload, "" if refused is None else kept_text(refused), notifier),
+                    on_ready=show,
+                    control=ProcessControl(ends, changed, "" if refused is None else kept_text(refused), notifier),
                 )
             except SlipdError as error:
                 if served or first:
@@ -242,9 +245,9 @@ async def serve_file(
                 config, before, refused = before, None, error
                 _log.error("%s", kept_text(error), extra={"slipd_fault": "config-kept"})
             else:
-                if reload is None or reload.found is None:
+                if found is None:
                     return
-                config, before, refused = reload.found, config, None
+                config, before, refused = found, config, None
         notifier.send("STOPPING=1")
 
 

@@ -190,8 +190,5 @@ def _states(stream: Stream, key: str) -> bool:
 
 def _stable_name(port: Path) -> Path | None:
     """Return the name of a port that stays with its adapter, or with its socket; None if it is not plugged in."""
-    for folder in STABLE_NAMES:
-        for name in sorted(folder.iterdir()) if folder.is_dir() else ():
-            if name.resolve() == port.resolve():
-                return name
-    return None
+    names = (name for folder in STABLE_NAMES if folder.is_dir() for name in sorted(folder.iterdir()))
+    return next((name for name in names if name.resolve() == port.resolve()), None)

@@ -189,13 +189,10 @@ def _tables_with(path: tuple[str, ...]) -> list[str]:
     for name, model in TABLES.items():
         if key in model.model_fields:
             parts = name.split(".")
-            shared = sum(itertools.takewhile(bool, map(_same_part, parts, table)))
+            same = (part in ("X", key) for part, key in zip(parts, table, strict=False))
+            shared = sum(itertools.takewhile(bool, same))
             found[".".join([*table[:shared], *parts[shared:]]).replace("X", "NAME")] = shared
     return [name for name, shared in found.items() if shared == max(found.values())]
-
-
-def _same_part(part: str, key: str) -> bool:
-    return part in ("X", key)
 
 
 def lines_of(text: str) -> list[str]:

@@ -93,11 +93,8 @@ class StrictModel(BaseModel):
 
 def table_fault(rows: Iterable[Iterable[float]], *columns: Bounds | None) -> str:
     """Describe the first value of a table that is out of its column's bounds; "" if there is none."""
-    for row in rows:
-        for value, bounds in zip(row, columns, strict=True):
-            if bounds is not None and (fault := bounds.fault(value)):
-                return fault
-    return ""
+    pairs = (pair for row in rows for pair in zip(row, columns, strict=True))
+    return next((fault for value, bounds in pairs if bounds is not None and (fault := bounds.fault(value))), "")
 
 
 def unit_quaternion(quat_xyzw: list[float]) -> list[float]:

@@ -17,7 +17,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from logging.handlers import RotatingFileHandler, SysLogHandler
 from pathlib import Path
 from types import TracebackType
@@ -85,15 +85,7 @@ class LogFormatter(logging.Formatter):
 
     def formatException(self, ei: Any) -> str:  # noqa: N802 - named by logging
         """Return the traceback of an exception."""
-        return _indented(super().formatException(ei))
-
-    def formatStack(self, stack_info: str) -> str:  # noqa: N802
-        """Return the stack of a call."""
-        return _indented(super().formatStack(stack_info))
-
-
-def _indented(text: str) -> str:
-    return "\n".join(f"  {one_line(line)}" for line in text.split("\n"))
+        return "\n".join(f"  {one_line(line)}" for line in super().formatException(ei).split("\n"))
 
 
 def log_uncaught() -> None:
@@ -202,21 +194,18 @@ def log_kept(path: Path) -> Iterator[None]:
     Args:
         path: The file, in a folder that only this user may change; it grows up to ``KEPT_BYTES``, with one before it.
     """
-    handlers = [each for each in logging.getLogger().handlers if isinstance(each, TerminalHandler)]
-    try:
-        copies = [RotatingFileHandler(path, maxBytes=KEPT_BYTES, backupCount=1, encoding="utf-8") for _ in handlers]
-    except OSError as error:
-        _log.warning("%s: the log is not kept: %s", path, error.strerror)
-        copies = []
-    for handler, copy in zip(handlers, copies, strict=False):
-        copy.setFormatter(LogFormatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
-        handler.copy = copy
-    try:
+    terminals = [each for each in logging.getLogger().handlers if isinstance(each, TerminalHandler)]
+    with ExitStack() as stack:
+        for terminal in terminals:
+            try:
+                file = RotatingFileHandler(path, maxBytes=KEPT_BYTES, backupCount=1, encoding="utf-8")
+            except OSError as error:
+                _log.warning("%s: the log is not kept: %s", path, error.strerror)
+                continue
+            file.setFormatter(LogFormatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+            terminal.copy = stack.enter_context(closing(file))
+            stack.callback(setattr, terminal, "copy", None)
         yield
-    finally:
-        for handler, copy in zip(handlers, copies, strict=False):
-            handler.copy = None
-            copy.close()
 
 
 def open_log(environment: Mapping[str, str] = os.environ, journal: str = JOURNAL) -> None:

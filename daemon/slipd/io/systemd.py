@@ -15,7 +15,6 @@ import os
 import socket
 from collections.abc import Callable, Iterable, Mapping
 
-from slipd.errors import one_line
 from slipd.io.transport import Links
 from slipd.io.zmtp.listener import Listener
 
@@ -42,7 +41,6 @@ class SystemdNotifier:
     def __init__(self, environment: Mapping[str, str] = os.environ) -> None:
         address = environment.get("NOTIFY_SOCKET", "")
         self._address = "\0" + address[1:] if address.startswith("@") else address
-        self._status = ""
         microseconds = environment.get("WATCHDOG_USEC", "")
         for_this = environment.get("WATCHDOG_PID", str(os.getpid())) == str(os.getpid())
         watched = bool(self._address) and for_this and microseconds.isdecimal() and int(microseconds) > 0
@@ -55,12 +53,6 @@ class SystemdNotifier:
         with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sender:
             sender.setblocking(False)  # a service manager that hangs must not stop the daemon
             sender.sendto("\n".join(lines).encode(), self._address)
-
-    def status(self, text: str) -> None:
-        """Show a line in ``systemctl status``; sent only when it changes."""
-        if self._address and text != self._status:
-            self._status = text
-            self.send(f"STATUS={one_line(text)}")
 
 
 async def watch_stages(

@@ -14,7 +14,7 @@ from loop_waits import PATIENCE_S, eventually
 from slipd import config
 from slipd.events import Event, HostNotice
 from slipd.io import run_signals
-from slipd.io.run_signals import ConfigReload, EndSignals
+from slipd.io.run_signals import EndSignals, changed_config
 
 
 async def test_a_signal_that_comes_before_the_loop_runs_again_is_remembered() -> None:
@@ -47,11 +47,9 @@ class Run:
     """A run whose config may be read again."""
 
     def __init__(self, file: Path) -> None:
-        self.file, self.reports = file, list[Event]()
-        self.requested, self.stop = asyncio.Event(), asyncio.Event()
-        self.reload = ConfigReload(file, self.requested)
+        self.file, self.reports, self.requested = file, list[Event](), asyncio.Event()
         file.write_text(GOOD, encoding="utf-8")
-        self.watch = asyncio.create_task(self.reload.watch(config.load(file), self.reports.append, self.stop))
+        self.changed = asyncio.create_task(changed_config(file, self.requested, config.load(file), self.reports.append))
 
     async def reported(self) -> Event:
         """Request to read the config, and return what is reported."""
@@ -62,13 +60,10 @@ class Run:
 
     async def expect_change(self) -> None:
         """Request to read another config, which ends the run."""
-        assert not self.stop.is_set()
+        assert not self.changed.done()
         self.file.write_text(GOOD.replace("mu = 0.5", "mu = 0.4"), encoding="utf-8")
         self.requested.set()
-        await self.watch
-        assert self.stop.is_set()
-        assert self.reload.found is not None
-        assert self.reload.found.finger["left"].mu == 0.4
+        assert (await self.changed).finger["left"].mu == 0.4
 
 
 @pytest.fixture
@@ -90,7 +85,6 @@ async def test_G2_a_check_that_fails_itself_keeps_the_run_and_is_reported(
         broken.setattr(run_signals, "load", fail)
         assert await run.reported() == kept(f"{run.file}: ZeroDivisionError: float division by zero")
     assert await run.reported() == HostNotice("config", "")
-    assert run.reload.found is None, "not changed"
     await run.expect_change()
 
 

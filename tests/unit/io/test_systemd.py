@@ -24,26 +24,21 @@ from slipd.io.zmtp.listener import Listener
 
 
 @pytest.mark.parametrize("abstract", [False, True])
-def test_every_report_is_one_datagram_and_a_status_is_sent_once_on_one_line(abstract: bool, tmp_path: Path) -> None:
+def test_every_report_is_one_datagram(abstract: bool, tmp_path: Path) -> None:
     place = f"@slipd-test-{os.getpid()}" if abstract else str(tmp_path / "notify")
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind(place.replace("@", "\0"))
         notifier = SystemdNotifier({"NOTIFY_SOCKET": place})
-        for text in ("well", "well", "bad\nREADY=1", "well"):
-            notifier.status(text)
+        notifier.send("READY=1")
         notifier.send("RELOADING=1", "MONOTONIC_USEC=1")
-        told = [manager.recv(4096, socket.MSG_DONTWAIT) for _ in range(4)]
-        with pytest.raises(BlockingIOError):
-            manager.recv(4096, socket.MSG_DONTWAIT)
-    statuses = [b"STATUS=well", rb"STATUS=bad\nREADY=1", b"STATUS=well"]
-    assert told == [*statuses, b"RELOADING=1\nMONOTONIC_USEC=1"]
+        told = [manager.recv(4096, socket.MSG_DONTWAIT) for _ in range(2)]
+    assert told == [b"READY=1", b"RELOADING=1\nMONOTONIC_USEC=1"]
 
 
 @pytest.mark.parametrize("environment", [{}, {"NOTIFY_SOCKET": "/nowhere/at/all"}])
 def test_without_a_manager_nothing_happens(environment: dict[str, str]) -> None:
     notifier = SystemdNotifier(environment)
     notifier.send("READY=1")
-    notifier.status("well")
     assert notifier.watchdog_s is None
 
 

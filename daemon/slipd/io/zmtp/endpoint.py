@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import ipaddress
 import os
 import select
@@ -157,11 +158,8 @@ def _bind_tcp(server: socket.socket, endpoint: str) -> str:
 def _bind_path(server: socket.socket, endpoint: str) -> str:
     path = _path_of(endpoint)
     Path(os.fsdecode(path)).unlink(missing_ok=True)  # `_check` found no server there
-    umask = os.umask(0o077)  # the mode of a socket is 0777 without these bits
-    try:
-        server.bind(path)
-    finally:
-        os.umask(umask)
+    server.bind(path)
+    os.chmod(path, 0o700)  # noqa: PTH101 - bytes. Nobody can connect before: it does not listen yet
     return endpoint
 
 
@@ -211,15 +209,10 @@ def _check_directory(endpoint: str, directory: Path) -> None:
 
 
 def _is_served(path: bytes) -> bool:
+    """Return whether a server listens; it may have no room for another connection just now."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as visitor:
         visitor.setblocking(False)
-        try:
-            visitor.connect(path)
-        except BlockingIOError:  # its backlog is full
-            return True
-        except OSError:
-            return False
-        return True
+        return visitor.connect_ex(path) in (0, errno.EAGAIN)
 
 
 def _check_tcp(endpoint: str, host: str, access: Access) -> None:

@@ -65,10 +65,6 @@ class TimeAccount:
         self.slots.add(slot)
         return slot
 
-    def leave(self, slot: int) -> None:
-        """Remove a connection."""
-        self.slots.discard(slot)
-
     def has_time(self, now_s: float) -> bool:
         """Return whether the account has time left now."""
         self._left_s = min(BURST_S, self._left_s + (now_s - self._counted_s) * self._share)
@@ -165,7 +161,7 @@ class Peer:
 
     def move(self, account: TimeAccount) -> None:
         """Charge another account from now on, because the peer proved its identity."""
-        self.account.leave(self.slot)
+        self.account.slots.discard(self.slot)
         self.account, self.slot = account, account.enter()
 
     def send(self, message: Message) -> bool:
@@ -216,7 +212,7 @@ class Peer:
         self._loop.remove_reader(self.fileno)
         self._loop.remove_writer(self.fileno)
         self._socket.close()
-        self.account.leave(self.slot)
+        self.account.slots.discard(self.slot)
         self._on_close(self)
 
     def _run(self) -> None:

@@ -56,7 +56,7 @@ async def test_a_turn_that_fails_reaches_the_loop_and_the_next_has_its_own(loop_
 def test_a_connection_takes_the_place_of_one_that_is_gone() -> None:
     account = TimeAccount(b"a")
     assert [account.enter() for _ in range(3)] == [0, 1, 2]
-    account.leave(1)
+    account.slots.discard(1)
     assert len(account.slots) == 2
     assert [account.enter(), account.enter()] == [1, 3]
 
@@ -70,5 +70,5 @@ def test_an_account_is_the_same_after_its_peer_came_back_and_the_idle_are_forgot
         accounts.of(b"%d" % number)
     assert accounts.of(b"here") is here
     assert accounts.of(b"gone") is not gone
-    here.leave(slot)
+    here.slots.discard(slot)
     assert len(accounts._accounts) <= MOST_ACCOUNTS
