@@ -25,7 +25,6 @@ from slipd_client.keys import Keys
 from slipd_client.paths import log_file, trust_faults
 from slipd_client.repairs import repairs
 from slipd_client.subscriber import Subscriber
-from slipd_client.watch import repairs_text
 
 MOST_RECORDING_BYTES = 200_000_000
 """A longer recording is left out: the bundle is sent by mail or chat."""
@@ -137,11 +136,9 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
     def status() -> str:
         with GripClient(chosen.requests, keys=keys) as client:
             reply = client.status()
-        found = repairs(reply)
-        bundle.add("repairs.txt", lambda: repairs_text(found) + "\n")
         for name in ("recording", "run_recording"):
             recordings.extend(filter(None, [(dict(reply).get(name) or {}).get("path")]))
-        return json.dumps({**reply, "repairs": [repair.as_map() for repair in found]}, indent=1)
+        return json.dumps({**reply, "repairs": [repair.as_map() for repair in repairs(reply)]}, indent=1)
 
     bundle.add("status.json", status)
     bundle.add("messages.jsonl", lambda: _messages(chosen.publish, keys, chosen.seconds))

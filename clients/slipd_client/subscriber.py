@@ -6,7 +6,7 @@ import abc
 import math
 import re
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import zmq
 
@@ -24,6 +24,9 @@ __all__ = ["Message", "Subscriber", "SubscriberBase"]
 SILENCE_S = 3.0
 """The daemon publishes ``status`` once a second: after so long without a message it is gone or cut off."""
 
+
+IDLE_S = 0.1
+"""Time between two looks at the messages while nobody needs every one, s."""
 
 _DRAINED = 5000
 """Most messages that one call of `Subscriber.newest` takes, however fast they arrive."""
@@ -178,6 +181,26 @@ class Subscriber(Blocking, SubscriberBase):
         """
         accepted = map(self._accept, self._link.newest(_DRAINED))
         return [message for message in accepted if message is not None]
+
+    def follow(self, idle: Callable[[], bool] = lambda: False) -> Iterator[Message | Silence]:
+        """Yield every message for ever, and a Silence each time that none came for ``silence_s``.
+
+        Args:
+            idle: Whether nobody needs every message now: then the newest of each topic is yielded, ten times a second,
+                and most messages are never decoded.
+        """
+        while True:
+            try:
+                while idle():
+                    time.sleep(IDLE_S)
+                    self.check_silence()
+                    yield from self.newest()
+                for message in self:
+                    yield message
+                    if idle():
+                        break
+            except Silence as silence:
+                yield silence
 
     def __iter__(self) -> Iterator[Message]:
         """Iterate over every message from now on.

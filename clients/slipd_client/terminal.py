@@ -10,6 +10,7 @@ import sys
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from types import FrameType
 from typing import TextIO
 
@@ -59,6 +60,25 @@ def standard_output(program: str) -> Iterator[None]:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes once more at exit
         if error.errno == errno.ENOSPC:
             raise SystemExit(f"{program}: the output cannot be written: {error.strerror}") from None
+
+
+UNKNOWN = "\N{EN DASH}"
+"""Stands for what is not known."""
+
+
+def plain(text: str | None) -> str:
+    """Return a string from the daemon without control characters, which would move the cursor."""
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text or "") or UNKNOWN
+
+
+def clock_time(timestamp: float) -> str:
+    """Return the local time of day with milliseconds; "–" for 0, which is no time, and for times out of range."""
+    if not timestamp:
+        return UNKNOWN
+    try:
+        return datetime.fromtimestamp(timestamp).astimezone().strftime("%H:%M:%S.%f")[:-3]
+    except (ValueError, OverflowError, OSError):
+        return UNKNOWN
 
 
 Span = tuple[str, str]

@@ -7,18 +7,16 @@ import contextlib
 import itertools
 import json
 import sys
-import textwrap
 import time
 
 from slipd_client.errors import Silence
 from slipd_client.keys import Keys
 from slipd_client.live_view import LiveView, change_line
-from slipd_client.live_view_parts import plain
 from slipd_client.messages import GRIPPER_TOPIC, STATUS_TOPIC, WARNING_TOPIC
 from slipd_client.messages.replies import StatusReply
-from slipd_client.repairs import DOCUMENT, Repair, repairs
+from slipd_client.repairs import repairs
 from slipd_client.subscriber import Message, Subscriber
-from slipd_client.terminal import UNCUT, TerminalScreen, is_screen, size_of, terminal_of
+from slipd_client.terminal import UNCUT, TerminalScreen, is_screen, plain, size_of, terminal_of
 
 TOPICS = ("slip", GRIPPER_TOPIC, WARNING_TOPIC, STATUS_TOPIC)
 """What people are shown."""
@@ -26,7 +24,7 @@ TOPICS = ("slip", GRIPPER_TOPIC, WARNING_TOPIC, STATUS_TOPIC)
 FIRST_S = 3.0
 """How long to wait for the first message: the daemon publishes ``status`` every second."""
 
-GATHER_S = 0.8
+GATHER_S = 1.2
 """The daemon sends the last message of every topic to a new subscriber, of quiet topics after half a second."""
 
 REDRAW_S = 0.15
@@ -56,15 +54,11 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
 
 
 def _gather(subscriber: Subscriber, first: Message) -> dict[str, Message]:
-    """Return the newest message of every topic."""
+    """Return the newest message of every topic that the daemon sends within ``GATHER_S``."""
     newest = {first.topic: first}
-    until = time.monotonic() + GATHER_S
-    while (message := subscriber.receive(max(0.0, until - time.monotonic()))) is not None:
-        if message.topic not in newest:
-            until = time.monotonic() + GATHER_S
+    until_s = time.monotonic() + GATHER_S
+    while (left_s := until_s - time.monotonic()) > 0.0 and (message := subscriber.receive(left_s)) is not None:
         newest[message.topic] = message
-        if time.monotonic() > until:
-            break
     return newest
 
 
@@ -175,29 +169,14 @@ def _print_gaps(message: Message) -> None:
 
 
 WIDEST = 100
-"""Columns of the longest line for people, on a wide terminal and in a file."""
+"""Columns of the longest line of a status for people, on a wide terminal and in a file."""
 
 
 def print_status(status: StatusReply, *, as_json: bool) -> None:
     """Print a reply; as JSON, it has the list of repairs beside the fields of the reply."""
-    found = repairs(status)
     if as_json:
-        print(json.dumps({**status, "repairs": [repair.as_map() for repair in found]}))
+        print(json.dumps({**status, "repairs": [repair.as_map() for repair in repairs(status)]}))
         return
-    columns = min(size_of(sys.stdout).columns, WIDEST)
-    print(repairs_text(found, columns))
     view = LiveView()
     view.update(STATUS_TOPIC, status)
-    print_view(view, columns)
-
-
-def repairs_text(found: list[Repair], columns: int = WIDEST) -> str:
-    """Return the list for people; only a word or a command that is longer makes a line longer than ``columns``."""
-    if not found:
-        return "nothing to repair"
-    lines = [f"{len(found)} to repair"]
-    for repair in found:
-        text = f"{repair.severity:<7} {repair.id}  {plain(repair.about)}: {plain(repair.problem)}"
-        lines += textwrap.wrap(text, columns, initial_indent="  ", subsequent_indent=" " * 10, break_long_words=False)
-        lines.append(f"          {plain(repair.command)}")
-    return "\n".join([*lines, f"each is explained in {DOCUMENT}, under its id: slipd docs health"])
+    print_view(view, min(size_of(sys.stdout).columns, WIDEST))

@@ -18,15 +18,18 @@ from slipd_client.errors import require
 from slipd_client.fleet.fleet_network import FleetListener, Reach, configuration, described, opened
 from slipd_client.fleet.fleet_state import CLASH, GONE, LIVE, PUBLISHING, RobotRow
 from slipd_client.keys import Keys
-from slipd_client.live_view_parts import HEALTH_COLOURS, LEVEL_COLOURS, UNKNOWN, clock_time, plain
+from slipd_client.live_view import HEALTH_COLOURS, LEVEL_COLOURS
 from slipd_client.messages.names import SEVERITY
 from slipd_client.terminal import (
     UNCUT,
+    UNKNOWN,
     Line,
     Terminal,
     TerminalScreen,
+    clock_time,
     is_screen,
     paint,
+    plain,
     size_of,
     terminal_of,
 )

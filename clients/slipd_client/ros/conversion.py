@@ -13,13 +13,16 @@
 from __future__ import annotations
 
 import functools
+import importlib
 import json
 import math
 import struct
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, NamedTuple
 
+from slipd_client.errors import CallError
 from slipd_client.messages.names import Health
 from slipd_client.messages.topics import TOPICS, Grasp, Slip, Status, Tactile, Wrench
 from slipd_client.ros.cdr import CdrEncoder
@@ -88,6 +91,38 @@ def _at(rows: list[tuple[float, ...]], width_m: float) -> list[float] | None:
 def _unit(quaternion: tuple[float, ...]) -> tuple[float, ...]:
     norm = math.hypot(*quaternion)
     return tuple(each / norm for each in quaternion)
+
+
+def pads_of(path: Path) -> PadFrames:
+    """Return the places of the pads in a config of the daemon.
+
+    Raises:
+        CallError: The file cannot be read, or has no ``[grasp.pads]``.
+    """
+    config = read_config(path)
+    try:
+        return PadFrames(config["grasp"]["pads"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise CallError(
+            f"{path}: must have [grasp.pads] with positions and quat_xyzw; check it: slipd check"
+        ) from error
+
+
+def read_config(path: Path) -> dict[str, Any]:
+    """Return the tables of a config of the daemon.
+
+    Raises:
+        CallError: The file cannot be read.
+    """
+    try:
+        config: dict[str, Any] = importlib.import_module("tomllib").loads(path.read_text(encoding="utf-8"))
+    except ModuleNotFoundError as error:  # of Python 3.11
+        raise CallError("--config needs Python 3.11 or newer") from error
+    except OSError as error:
+        raise CallError(f"{path}: cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise CallError(f"{path}: not a TOML file: {error}") from error
+    return config
 
 
 _IN_STATUS = ("health", "message", "hardware_id")

@@ -26,13 +26,14 @@ from slipd_client.ros.conversion import (
     PadFrames,
     RosMessage,
     encode,
+    pads_of,
+    read_config,
     ros_messages,
     schema,
     stale_diagnostics,
 )
 from slipd_client.ros.layouts import Levels
 from slipd_client.ros.slipd_types import time_of
-from slipd_client.serving import follow, pads_of, read_config
 from slipd_client.subscriber import Subscriber
 
 NAME = "slipd"
@@ -160,9 +161,10 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
 
 def _serve(subscriber: Subscriber, server: ViewerServer) -> None:
     silent = False
-    for arrived in follow(subscriber, idle=lambda: not server.watched):
+    for arrived in subscriber.follow(idle=lambda: not server.watched):
         if isinstance(arrived, Silence):
             if not silent:
+                print(f"slipctl: {arrived}", file=sys.stderr, flush=True)
                 server.silent(str(arrived))
         else:
             if silent:

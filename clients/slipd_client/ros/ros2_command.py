@@ -30,6 +30,8 @@ from slipd_client.ros.conversion import (
     PadFrames,
     RosMessage,
     entry,
+    pads_of,
+    read_config,
     ros_messages,
     stale_diagnostics,
 )
@@ -37,7 +39,6 @@ from slipd_client.ros.dds import RosPublisher, joined, ros_environment, ros_read
 from slipd_client.ros.feeds import ArmFeed, OrientationFeed, RosFeed, arm_port
 from slipd_client.ros.motion_advice import PLAN, PlanCheck, SpeedScaling
 from slipd_client.ros.slipd_types import time_of
-from slipd_client.serving import follow, pads_of, read_config
 from slipd_client.subscriber import Subscriber
 from slipd_client.topic_limit import TopicLimit
 
@@ -167,11 +168,15 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
 
 
 def _serve(subscriber: Subscriber, forwarder: RosForwarder) -> None:
-    for arrived in follow(subscriber):
+    reported = False
+    for arrived in subscriber.follow():
         if isinstance(arrived, Silence):
+            if not reported:
+                print(f"slipctl: {arrived}", file=sys.stderr, flush=True)
             forwarder.silent(str(arrived))
         else:
             forwarder.forward(arrived.topic, arrived.raw)
+        reported = isinstance(arrived, Silence)
 
 
 def _check(chosen: argparse.Namespace) -> None:

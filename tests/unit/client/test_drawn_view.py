@@ -91,8 +91,6 @@ UNKNOWN = dict.fromkeys(("mu", "utilisation", "utilisation_lower", "utilisation_
 GROWN = {"required_friction": 0.306, "carried_friction": 0.36, "relative_utilisation": 0.85}
 MOVING = {"reasons": ["no_mu"], "evidence": ["load_drop", "width"]}
 FILE = "/state/a.mcap"
-INCIDENTS = {"saved": 2, "not_saved": 0, "lost": 0, "dropped": 0, "path": FILE, "failure": None}
-FAILED = INCIDENTS | {"not_saved": 1, "lost": 7, "dropped": 30, "failure": "/b: not saved: disk full"}
 QUIET = STATUS | {"streams": {}}
 TARED = {"level": "stable", "tare_id": 2, "tare_busy": False, "mu": 0.5, "mu_source": "config"}
 
@@ -118,12 +116,13 @@ TARED = {"level": "stable", "tare_id": 2, "tare_busy": False, "mu": 0.5, "mu_sou
         ({"slip_left": SLIP, "status": STATUS}, r"\nleft +WARNING"),
         ({"status": STATUS}, r"^slipd 0\.1\.0  up 75 s  config 3f2a  lease held\nleft +CAUTION +λ +– "),
         (
-            {"status": STATUS},
-            r"\nleft\.wrench +WARN +998 Hz of 1000 Hz  age 2 ms  bad 3  lost 0  reconnects 2  3 bad f",
+            {"status": STATUS | {"fingers": {}}},
+            r"\n1 to repair.*\nwarning +stream-degraded  left\.wrench:  3 bad frames\n +slipctl watch\n"
+            r"left\.wrench +WARN +998 Hz of 1000 Hz  age 2 ms  bad 3  lost 0  reconnects 2$",
         ),
         (
-            {"status": STATUS | {"streams": {"left.pad": STREAM | {"health": 0, "message": ""}}}},
-            r"left\.pad +OK +998 Hz of 1000 Hz  age 2 ms  bad 3  lost 0  reconnects 2$",
+            {"status": STATUS | {"fingers": {}, "streams": {"left.pad": STREAM | {"health": 0, "message": ""}}}},
+            r"nothing to repair\nleft\.pad +OK +998 Hz of 1000 Hz  age 2 ms  bad 3  lost 0  reconnects 2$",
         ),
         ({"status": STATUS | {"object_name": "mug"}}, r"lease held  object mug\n"),
         ({"status": STATUS | {"fingers": {"left": TARED}}}, r"left +STABLE +tare 2  mu 0\.50 config"),
@@ -131,26 +130,14 @@ TARED = {"level": "stable", "tare_id": 2, "tare_busy": False, "mu": 0.5, "mu_sou
         ({"status": {"gripper": GRIPPER}}, r"force 12\.0 N of at most 40\.0 N"),
         (
             {"gripper": GRIPPER | {"fault": "hot", "latched_fault": "no_echo", "echo_ok": False, "moving": None}},
-            r"40\.0 N  –  object contact_closing  fault hot  latched: no_echo  does not repeat the command$",
+            r"40\.0 N  –  object contact_closing  fault hot  does not repeat the command$",
         ),
-        ({"status": QUIET | {"recording": {"running": True, "path": FILE}}}, rf"\nrecording +OK +{FILE}$"),
+        ({"status": QUIET | {"recording": {"running": True, "path": FILE}}}, rf"\nrecording +{FILE}\n"),
         (
             {"status": QUIET | {"run_recording": {"running": True, "path": FILE, "lost": 9}}},
-            rf"\nrecording +OK +of the whole run  {FILE}  9 entries lost$",
+            rf"\nrecording +of the whole run  {FILE}  9 entries lost\n",
         ),
-        (
-            {"status": QUIET | {"run_recording": {"state": "failed", "failure": f"{FILE}: full"}}},
-            rf"\nrecording +FAILED +{FILE}: full$",
-        ),
-        (
-            {"status": QUIET | {"recording": {"state": "limited", "failure": f"{FILE}: max"}}},
-            rf"\nrecording +ENDED +{FILE}: max$",
-        ),
-        ({"status": QUIET | {"incidents": INCIDENTS}}, rf"\nincidents +OK +2 saved +0 not saved  {FILE}$"),
-        (
-            {"status": QUIET | {"incidents": FAILED}},
-            r"incidents +FAILED +2 saved  1 not saved  /b: not saved: disk full  7 entries lost, 30 entries dropped$",
-        ),
+        ({"status": QUIET | {"run_recording": {"state": "failed", "failure": "full"}}}, "recording-failed .* full\n"),
     ],
 )
 def test_what_each_message_shows_and_of_a_silent_daemon_no_level(bodies: dict[str, Any], shown: str) -> None:
@@ -215,8 +202,8 @@ def test_a_change_of_level_is_one_line(body: dict[str, Any], line: str) -> None:
     ("columns", "lines", "left_out"),
     [
         (200, 60, ""),
-        (80, 14, "4 streams without a fault"),
-        (80, 8, "forces, 4 streams without a fault"),
+        (80, 14, "streams"),
+        (80, 11, "streams, forces"),
     ],
 )
 def test_two_fingers_and_a_gripper_fit_and_what_does_not_is_named(columns: int, lines: int, left_out: str) -> None:
@@ -272,11 +259,9 @@ def test_whatever_a_field_may_have_is_drawn_within_the_terminal(
 LONG = "no such port: /dev/serial/by-id/usb-Bota_Systems_AG_SensONE_ABC123; tries again every second; is it plugged in?"
 
 
-def test_streams_with_a_fault_stay_those_with_one_message_together() -> None:
-    well = {f"f{n}.wrench": STREAM | {"health": 0, "message": ""} for n in range(30)}
+def test_on_a_small_terminal_the_repairs_stay_in_full() -> None:
     ill = {f"f{n}.wrench": STREAM | {"health": 2, "message": LONG} for n in (7, 8)}
-    shown = rig(Terminal(80, 20), status=STATUS | {"streams": well | ill})
-    assert "ERROR     f7.wrench, f8.wrench" in shown
+    shown = rig(Terminal(80, 22), status=STATUS | {"streams": ill})
     assert re.sub(r"\s+", "", LONG) in re.sub(r"\s+", "", "".join(shown))
-    assert "28 streams without a fault" in shown[-1]
-    assert rig(Terminal(60, 3))[-1] == "8 more lines do not fit in 60 x 3"
+    assert shown[-1] == "left out in 80 x 22: streams"
+    assert rig(Terminal(60, 3))[-1] == "12 more lines do not fit in 60 x 3"

@@ -11,7 +11,7 @@ from slipd.tools.plot.binned_track import Window
 from slipd.tools.plot.chart import COLOURS, SPAN_COLOURS, chart
 from slipd.tools.plot.chart_svg import chart_svg, snapshot_svg
 from slipd.tools.plot.run_tracks import MOST_CHANGES, Change, ChangeLog, RunTracks
-from slipd_client.live_view_parts import UNKNOWN
+from slipd_client.terminal import UNKNOWN
 
 GENERATOR = "slipd plot"
 """What a page names as its program."""
