@@ -9,6 +9,8 @@ import time
 import msgpack
 import zmq
 
+if len(sys.argv) != 2:
+    sys.exit("usage: exchange.py ENDPOINT, e.g. ipc:///run/slipd/requests")
 socket = zmq.Context().socket(zmq.DEALER)
 socket.setsockopt(zmq.IMMEDIATE, 1)  # a request is not kept for a daemon that starts later
 socket.setsockopt(zmq.SNDTIMEO, 1000)
@@ -22,15 +24,18 @@ def ask(op, **fields):
     global number
     number += 1
     deadline = {"deadline_ns": time.monotonic_ns() + ahead_ns + 400_000_000} if run else {}
-    socket.send(msgpack.packb({"v": 1, "id": number, "op": op} | run | deadline | fields))
+    try:
+        socket.send(msgpack.packb({"v": 1, "id": number, "op": op} | run | deadline | fields))
+    except zmq.Again:
+        sys.exit(f"{op}: nobody accepts requests at {sys.argv[1]}: is slipd running?")
     while socket.poll(1000):
         reply = msgpack.unpackb(socket.recv())
         if reply["id"] != number:
             continue  # the late reply to an earlier request
         if not reply["ok"]:
-            raise RuntimeError(f"{op}: {reply['error']['code']}: {reply['error']['message']}")
+            sys.exit(f"{op}: {reply['error']['code']}: {reply['error']['message']}")
         return reply["result"]
-    raise TimeoutError(f"{op}: no reply")
+    sys.exit(f"{op}: no reply; it may have been carried out")
 
 
 def hold_the_lease_until(done):
@@ -38,7 +43,7 @@ def hold_the_lease_until(done):
     until_s = time.monotonic() + 10.0
     while not done(ask("status")["gripper"]):
         if time.monotonic() > until_s:
-            raise TimeoutError("the gripper did not get there")
+            sys.exit("the gripper did not get there within 10 s")
         ask("lease.renew")
         time.sleep(0.06)  # three renewals within the 200 ms of the lease
 

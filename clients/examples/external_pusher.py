@@ -12,6 +12,7 @@ def push(endpoint: str, read_my_sensor: Callable[[], tuple[list[float], list[flo
     """Push every reading, N and N·m in the sensor's frame, to the ``port`` of the config, for ever."""
     with zmq.Context.instance().socket(zmq.PUSH) as socket:
         socket.setsockopt(zmq.LINGER, 1000)
+        socket.setsockopt(zmq.IMMEDIATE, 1)  # readings are not kept for a daemon that starts later: `send` waits for it
         socket.connect(endpoint)
         for seq in itertools.count():
             force_n, torque_nm = read_my_sensor()

@@ -9,6 +9,7 @@ sum of all bytes before. Kind 0x51 is the specific force (32768: 16 g), 0x52 the
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import math
 import struct
@@ -61,13 +62,18 @@ def main(port: str, endpoint: str) -> None:
     packets, newest, numbers = Packets(), {}, itertools.count()
     with serial.Serial(port, BAUD, timeout=1.0) as line, zmq.Context.instance().socket(zmq.PUSH) as socket:
         socket.setsockopt(zmq.LINGER, 0)
+        socket.setsockopt(zmq.IMMEDIATE, 1)  # a reading is not kept for a daemon that starts later
         socket.connect(endpoint)
         while True:
             data = line.read(max(line.in_waiting, PACKET))
             t_ns = time.monotonic_ns()
             for reading in readings(data, packets, newest):
-                socket.send(msgpack.packb({"stream": "arm", "t_ns": t_ns, "seq": next(numbers), **reading}))
+                message = msgpack.packb({"stream": "arm", "t_ns": t_ns, "seq": next(numbers), **reading})
+                with contextlib.suppress(zmq.Again):  # no daemon takes it
+                    socket.send(message, zmq.NOBLOCK)
 
 
 if __name__ == "__main__":
+    if len(sys.argv) != 3:
+        raise SystemExit("usage: imu_pusher.py PORT ENDPOINT, e.g. /dev/ttyUSB0 ipc:///run/slipd/readings.ipc")
     main(*sys.argv[1:])

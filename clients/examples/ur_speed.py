@@ -70,4 +70,6 @@ def main(robot: str, port: int = PORT, publish: str | None = None) -> None:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        raise SystemExit("usage: ur_speed.py ROBOT, its name or address")
     main(sys.argv[1])

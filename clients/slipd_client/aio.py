@@ -26,14 +26,14 @@ AT_ONCE = 64
 
 
 class _InLoop:
-    """What owns a connection in the loop that runs when its ``async with`` begins.
+    """Owns a connection in the loop that runs when its ``async with`` begins.
 
     A message is taken from the connection in the same step that returns it, so that a cancelled call loses none.
     """
 
     _link: Link
     _changed: asyncio.Event
-    """The state of the socket may have changed."""
+    """Set when the state of the socket may have changed."""
     _in_a_row = 0
 
     async def __aenter__(self: InLoop) -> InLoop:

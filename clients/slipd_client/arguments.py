@@ -82,9 +82,9 @@ class CommandParser(argparse.ArgumentParser):
 
     Attributes:
         default: The command that may be left out; "" where every command must be named.
-        names: All of them, in a map.
-        shown: Those of this version.
-        now: What to type instead of arguments of an earlier version; "" where there were none.
+        names: Every command that is understood, also those of earlier versions.
+        shown: The commands of this version, as the help lists them.
+        now: Printed instead of a run where a command is of an earlier version: what to type; "" for all others.
     """
 
     default = ""
@@ -108,7 +108,7 @@ class CommandParser(argparse.ArgumentParser):
         return found, surplus
 
     def refuse(self, typed: str = "") -> NoReturn:
-        """Exit with the commands that there are, or with the one that was probably meant."""
+        """Exit with the list of commands, or with the one that was probably meant."""
         if near := difflib.get_close_matches(typed, self.shown, n=1):
             self.error(f"there is no command {typed!r}; did you mean {near[0]!r}?")
         self.error(f"COMMAND must be one of {', '.join(self.shown)}" + (f", got {typed!r:.80}" if typed else ""))

@@ -42,7 +42,7 @@ T = TypeVar("T")
 
 
 class operation(Generic[P, T]):  # noqa: N801 - a decorator
-    """Makes a method that returns steps one that carries them out: it blocks, or is awaited, as its client does."""
+    """Decorates a method that returns steps: a call carries them out, blocking or to be awaited, as its client does."""
 
     def __init__(self, steps: Callable[Concatenate[Any, P], Steps[T]]) -> None:
         @functools.wraps(steps)

@@ -21,11 +21,6 @@ class ServerClock:
         self._high_ns = 0
         self._observed_ns: int | None = None
 
-    @property
-    def known(self) -> bool:
-        """Whether a reply of the present daemon has shown its clock."""
-        return self._observed_ns is not None
-
     def observe(self, sent_ns: int, received_ns: int, server_ns: int) -> None:
         """Note that the daemon's clock showed ``server_ns`` at some instant between the other two."""
         drift_ns = _drift_ns(received_ns - sent_ns)
@@ -42,14 +37,10 @@ class ServerClock:
         self._observed_ns = None
 
     def error_ns(self, now_ns: int) -> int | None:
-        """Return how far `server_ns` may be off either way at ``now_ns``; None while the clock is unknown."""
+        """Return how far `local_ns` may be off either way at ``now_ns``; None while the clock is unknown."""
         if self._observed_ns is None:
             return None
         return -(-(self._high_ns - self._low_ns) // 2) + _drift_ns(abs(now_ns - self._observed_ns))
-
-    def server_ns(self, now_ns: int) -> int | None:
-        """Return the daemon's clock at ``now_ns`` of this machine's; None while it is unknown."""
-        return None if self._observed_ns is None else now_ns + (self._low_ns + self._high_ns) // 2
 
     def local_ns(self, server_ns: int) -> int | None:
         """Return this machine's clock at ``server_ns``, e.g. a message's ``t_ns``; None while the offset is unknown."""

@@ -10,8 +10,8 @@
     │   ├── LeaseInUse          another thread or task holds the lease of this client; nothing was sent
     │   ├── FrictionNotMeasured the friction of a finger could not be measured
     │   └── ConnectionClosed    the client was closed
-    ├── CallError             a call is wrong: a wrong endpoint, a duration of 0 s (also a ValueError)
-    ├── MessageError          bytes or values that are no acceptable message (also a ValueError)
+    ├── CallError             an argument of a call is wrong: an endpoint, a duration of 0 s (also a ValueError)
+    ├── MessageError          bytes or values that do not form an acceptable message (also a ValueError)
     └── KeyFileError          a key file cannot be used (also a ValueError)
 
 The text of an error names the subject, the rule and what was found.
@@ -100,7 +100,7 @@ class CallError(SlipdClientError, ValueError):
 
 
 class MessageError(_CodedError, ValueError):
-    """Bytes or values that are no acceptable message.
+    """Bytes or values that do not form an acceptable message.
 
     Attributes:
         code: The kind of fault, as in the ``error`` of a reply.

@@ -127,7 +127,7 @@ MOST_REJECTED = 8
 """Pulls in a row that do not count: beyond it a person would pull for ever."""
 
 LONGEST = 3.0
-"""Times the patience without a sample: where disturbances come again and again, it ends with their reason."""
+"""Multiple of the patience: a measurement without a sample for so long ends with the reason of the last disturbance."""
 
 
 class FrictionSession:
@@ -138,7 +138,7 @@ class FrictionSession:
         samples: Samples that must agree.
         patience_s: How long to wait for a grip, and for each pull, s.
         say: Takes each line for the person.
-        grip_it: What is said while nothing presses on the pads.
+        grip_it: Line for the person while nothing presses on the pads.
     """
 
     def __init__(

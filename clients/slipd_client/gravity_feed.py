@@ -70,7 +70,7 @@ def parse_line(line: str) -> list[float] | None:
 
 
 def parse_numbers(text: str) -> list[float]:
-    """Return the three or four numbers of a text, separated by blanks or commas.
+    """Return the three or four numbers of a text, separated by blanks or commas, as `gravity_of` takes them.
 
     Raises:
         CallError: The text has something else.

@@ -17,7 +17,7 @@ from slipd_client.errors import LeaseInUse, LeaseLost
 from slipd_client.messages.ops import URGENT_OPS, lease_rule
 
 LEASE_MS = 200
-"""Life of a lease without renewal: for so long the daemon believes that a dead program still steers."""
+"""Life of a lease without renewal: the daemon ends the lease of a dead program after this time."""
 
 RENEWALS = 3
 """Renewals within the life of a lease: two may come late before it ends."""
@@ -39,7 +39,7 @@ def check_held() -> None:
 
 
 def held_until() -> float:
-    """Return when one of these leases may be lost next, on ``time.monotonic``; infinity without one.
+    """Return when a lease of the calling thread or task may be lost next, on ``time.monotonic``; infinity without one.
 
     That is its end, or its next renewal, which the daemon may refuse.
     """

@@ -136,23 +136,24 @@ class Link:
 
 T = TypeVar("T")
 Steps = Coroutine[Any, Any, T]
-"""What both kinds of client do, written once: it waits by the methods of `Blocking` or of their likes for a loop."""
+"""Steps of a request or a receive, written once for both kinds of client. They wait by the methods of `Blocking`, or of
+its counterpart for asyncio."""
 
 AnyBlocking = TypeVar("AnyBlocking", bound="Blocking")
 
 
 class Blocking:
-    """What owns a connection, best used in a ``with`` statement, and waits by blocking."""
+    """Owns a connection and waits by blocking; best used in a ``with`` statement."""
 
     _link: Link
 
     def _run(self, steps: Steps[T]) -> T:
-        """Carry out steps. They never stop on the way, because all that they wait for blocks."""
+        """Carry out steps to their end: they never suspend, because every wait blocks."""
         try:
             steps.send(None)
         except StopIteration as done:
             return done.value  # type: ignore[no-any-return]
-        raise RuntimeError("a step waits for a loop")
+        raise RuntimeError("steps of a blocking client must not await a loop")
 
     async def _frames(self, until: float | None) -> list[bytes] | None:
         """Wait for a message, as `Link.receive`."""

@@ -49,7 +49,7 @@ def _foxglove(foxglove: argparse.ArgumentParser) -> None:
         type=parse_listen,
         default=FOXGLOVE_LISTEN,
         metavar="HOST:PORT",
-        help="where to serve (default: %(default)s; port 0: any); who reaches it can read everything",
+        help="where to serve (default: %(default)s; port 0: any free one); whoever reaches it can read everything",
     )
     foxglove.add_argument(
         "--config",
@@ -139,7 +139,7 @@ def _ros2(ros2: argparse.ArgumentParser) -> None:
         "--speed-floor",
         type=number_in("from 0 to less than 1", lambda factor: 0.0 <= factor < 1.0),
         metavar="FACTOR",
-        help="factor while that is not known, 0 (the arm pauses) to less than 1",
+        help="factor while the speed that holds is not known, from 0 (the arm pauses) to less than 1",
     )
     ros2.add_argument(
         "--check-plans",
@@ -174,7 +174,7 @@ def _fleet_of(robot: argparse.ArgumentParser) -> None:
         type=_rate_or_all,
         default=RATE_HZ,
         metavar="HZ",
-        help='most messages per second of each topic but warning, of which all are sent; "all" for no bound '
+        help='largest number of messages per second of each topic, "all" for no limit; every warning is sent '
         "(default: %(default)g)",
     )
     robot.add_argument(
@@ -182,7 +182,8 @@ def _fleet_of(robot: argparse.ArgumentParser) -> None:
         nargs="+",
         choices=tuple(TOPICS),
         metavar="WORD",
-        help=f"publish these topics only, of {', '.join(TOPICS)}; warning and status always are (default: all)",
+        help=f"publish only these topics, of {', '.join(TOPICS)}; warning and status are always published "
+        "(default: all)",
     )
 
 
@@ -206,7 +207,7 @@ def add_fleet(fleet: argparse.ArgumentParser) -> None:
         nargs="+",
         default=[],
         metavar="NAME",
-        help="the robots of this fleet: they come first, also before they were ever heard, and are never displaced",
+        help="list these robots first, even before they are heard; no other robot displaces them",
     )
 
 

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 DONE, REFUSED, WRONG = 0, 1, 2
 """Exit codes, as those of ``slipd``: docs/commands.md."""
 
+MOST_LISTED = 12
+"""Entries of a list that are shown to people: the zero of a pad has one for each taxel."""
+
 COMMANDS = {op: name for name, (_, op, _) in slipctl_parser.REQUESTS.items()}
 """Requests that the daemon names in refusals, and what a person types for each."""
 
@@ -158,18 +161,22 @@ def _print_reply(reply: dict[str, object], *, as_json: bool) -> None:
 
 
 def _lines(reply: Mapping[str, object], indent: str = "") -> Iterator[str]:
-    """Yield the fields of a reply for people, one a line: those of a map below its name, numbers with six digits."""
+    """Yield the fields of a reply for people, one a line; those of a map are indented below its name."""
     for field, value in reply.items():
         if isinstance(value, Mapping):
             yield f"{indent}{field}:"
             yield from _lines(value, indent + "    ")
         else:
-            rounded = [_rounded(each) for each in value] if isinstance(value, list) else _rounded(value)
-            yield f"{indent}{field}: {json.dumps(rounded, ensure_ascii=False)}"
+            yield f"{indent}{field}: {_text(value)}"
 
 
-def _rounded(value: object) -> object:
-    return float(f"{value:.6g}") if isinstance(value, float) else value
+def _text(value: object) -> str:
+    """Return a value for people: numbers with six digits, of a long list the first entries."""
+    if isinstance(value, list):
+        entries = [_text(each) for each in value[:MOST_LISTED]]
+        entries += [f"… {len(value)} in all, with --json"] if len(value) > MOST_LISTED else []
+        return f"[{', '.join(entries)}]"
+    return json.dumps(float(f"{value:.6g}") if isinstance(value, float) else value, ensure_ascii=False)
 
 
 if __name__ == "__main__":

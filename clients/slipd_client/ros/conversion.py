@@ -25,6 +25,7 @@ from typing import Any, NamedTuple
 from slipd_client.errors import CallError
 from slipd_client.messages.names import Health
 from slipd_client.messages.topics import TOPICS, Grasp, Slip, Status, Tactile, Wrench
+from slipd_client.repairs import repairs
 from slipd_client.ros.cdr import CdrEncoder
 from slipd_client.ros.ros_types import STOCK_TYPES, schema_text
 from slipd_client.ros.slipd_types import CONVERTERS, NAMES, PACKAGE, SLIPD_TYPES, time_of
@@ -46,7 +47,7 @@ class PadFrames:
             width, and ``quat_xyzw``.
 
     Raises:
-        KeyError, TypeError, ValueError: They are no such tables.
+        KeyError, TypeError, ValueError: The tables have another form.
     """
 
     def __init__(self, pads: Mapping[str, Mapping[str, Any]]) -> None:
@@ -149,10 +150,7 @@ def _entries(body: Mapping[str, Any]) -> Iterator[Entry]:
 
 
 def _daemon(body: Mapping[str, Any]) -> Entry:
-    late_s = body.get("late_s") or 0.0
-    failed = [name for name in ("recording", "run_recording") if (body.get(name) or {}).get("state") == "failed"]
-    failed += ["incident"] if (body.get("incidents") or {}).get("failure") else []
-    faults = [f"stalled for {late_s:.3f} s"] * (late_s > 0.0) + [f"{name} failed" for name in failed]
+    faults = [repair.problem for repair in repairs(body) if repair.id.startswith(("daemon", "recording", "incident"))]
     values = {key: body.get(key) for key in ("version", "uptime_s", "late_s", "object_name", "lease", "publisher")}
     return entry("daemon", Health.WARN if faults else Health.OK, "; ".join(faults), "", values)
 

@@ -56,7 +56,7 @@ def ros_environment(variables: Mapping[str, str], domain: str | None = None) -> 
         domain: Id of the domain; None: that of ``ROS_DOMAIN_ID``, or 0.
 
     Raises:
-        CallError: The domain is none, or a variable has a value that ROS does not know.
+        CallError: The id of the domain is wrong, or a variable has a value that ROS does not know.
     """
     parts = [*_fragments(variables), *filter(None, [variables.get("CYCLONEDDS_URI", "").strip()])]
     stated = variables.get("ROS_DOMAIN_ID", "").strip() or "0" if domain is None else domain
