@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from importlib.metadata import Distribution, EntryPoint, PackageNotFoundError, distribution, distributions
+from importlib.metadata import EntryPoint, PackageNotFoundError, distribution, distributions
 from pkgutil import iter_modules
 from typing import NamedTuple
 
@@ -95,14 +96,16 @@ def find_device(name: str) -> Installed | None:
 
 
 @cache
-def providers() -> Mapping[str, tuple[Provider, ...]]:
-    """Return the packages that provide a device, by its name; no package is imported."""
-    found: dict[str, tuple[Provider, ...]] = {}
+def providers() -> Mapping[str, Mapping[str, Provider]]:
+    """Return the packages that provide a device, by its name and theirs; no package is imported."""
+    found: dict[str, dict[str, Provider]] = {}
     for package in distributions():
-        for each in _provided(package):
-            known = found.get(each.entry.name, ())
-            if each.package not in (other.package for other in known):  # a later folder of the path is hidden
-                found[each.entry.name] = (*known, each)
+        with suppress(Exception):  # damaged metadata of some package
+            for entry in package.entry_points.select(group=GROUP):
+                of_name = found.setdefault(entry.name, {})
+                of_name.setdefault(
+                    package.name, Provider(package.name, package.version, entry)
+                )  # a later one is hidden
     return found
 
 
@@ -120,14 +123,6 @@ def normalized(package: str) -> str:
     return re.sub(r"[-_.]+", "-", package).lower()
 
 
-def _provided(package: Distribution) -> Iterator[Provider]:
-    try:
-        for entry in package.entry_points.select(group=GROUP):
-            yield Provider(package.name, package.version, entry)
-    except Exception:  # damaged metadata of some package
-        return
-
-
 @cache
 def installed() -> tuple[Installed, ...]:
     """Return all devices, those of this folder first, also those that cannot be used."""
@@ -143,7 +138,7 @@ def _modules() -> tuple[str, ...]:
 @cache
 def _other(name: str) -> Installed:
     """Return the device that other packages provide by a name."""
-    first, *others = providers()[name]
+    first, *others = providers()[name].values()
     packages = ", ".join(f"{each.package} {each.version}" for each in (first, *others))
     if name in _modules():
         return Installed(name, packages, "", None, f"slipd {__version__} uses the name itself")

@@ -22,7 +22,7 @@ from slipd.devices import Device, RateOption
 from slipd.devices.shared import checksums
 from slipd.devices.shared.device_interface import check_integer
 from slipd.devices.shared.frame_scanner import FixedLengthScanner, FrameDecoder
-from slipd.devices.shared.sensor_session import SensorSession, StartupSequence, Step
+from slipd.devices.shared.sensor_session import SensorSession, Step
 from slipd.types.arrays import Array
 from slipd.types.samples import WrenchSample
 
@@ -167,7 +167,7 @@ class Session(SensorSession[Decoder]):
         boot = Step("boot text", b"", "optional", QUIET_NS, attempts=1, reply=_FRAMES)
         commands = [Step(text[:1].decode(), text) for text in (CONFIGURE, communication, filtering)]
         start = Step("R", RUN, reply=_FRAMES)
-        super().__init__(Decoder(), StartupSequence([boot, *commands, start]), CONFIGURE)
+        super().__init__(Decoder(), [boot, *commands, start], CONFIGURE)
         self._booted_ns = 0
         self._text = b""  # received since the last command or the beginning of the banner
 
@@ -180,11 +180,11 @@ class Session(SensorSession[Decoder]):
     def receive(self, data: bytes, now_ns: int) -> list[WrenchSample]:
         """Decode bytes received at ``now_ns``; return the readings they complete."""
         samples = self.decoder.receive(data, now_ns)
-        awaited = self._startup.awaited
+        awaited = self.awaited
         if self.decoder.text_passed or (awaited is not None and awaited.reply == _FRAMES):
             self._handle_text(data, bool(samples), now_ns)
         if samples:
-            self._startup.reading_received(now_ns)
+            self.reading_received(now_ns)
         return samples
 
     def on_time(self, now_ns: int) -> bytes:
@@ -193,7 +193,7 @@ class Session(SensorSession[Decoder]):
         if command:
             self._text = b""
         if now_ns < self._booted_ns and self.state.startswith("no answer"):
-            self._startup.state = "waiting"
+            self.state = "waiting"
         return command
 
     def _handle_text(self, data: bytes, has_frames: bool, now_ns: int) -> None:
@@ -205,18 +205,18 @@ class Session(SensorSession[Decoder]):
         if found := _IDENTITY.search(self._text):
             self.identity = f"{found[1].decode().strip()} S/N {found[2].decode()}"
         if banner:
-            self._startup.resume(1, now_ns + SETTLE_NS)
+            self.resume(1, now_ns + SETTLE_NS)
             return
-        awaited = self._startup.awaited
+        awaited = self.awaited
         if awaited is None:
             return
         code = find_ack(self._text, awaited.name)
         if code is None and has_frames and awaited.reply == _FRAMES:
             code = 0
         if code is not None:
-            self._startup.handle_answer(now_ns, f"refused {awaited.name} with code {code}" if code else "")
+            self.handle_answer(now_ns, f"refused {awaited.name} with code {code}" if code else "")
         if code == 0 and awaited.request == RUN:
-            self._startup.reading_received(now_ns)
+            self.reading_received(now_ns)
 
 
 DEVICE = Device(

@@ -152,13 +152,13 @@ class Session(TactileSession[Decoder]):
         check_integer("rate_hz", rate_hz, 1, MAX_RATE_HZ)
         stop, start = acquire(0, rle=rle), acquire(rate_hz, rle=rle)
         attempts = BOOT_NS // ANSWER_NS
-        self._steps = [
+        steps = [
             _query("controller", encode_query(CONTROLLER), handle=self._handle_controller, attempts=attempts),
             _query("sensor", encode_query(SENSOR), handle=self._handle_sensor),
             _query("stop", stop, tolerates=range(1, 1 << 16)),
             _query("start", start, tolerates=(ALREADY_RUNNING,)),
         ]
-        super().__init__(Decoder(), self._steps, stop, 1_000_000_000 // rate_hz)
+        super().__init__(Decoder(), steps, stop, 1_000_000_000 // rate_hz)
         self._matrices: list[tuple[int, int]] = []
         self._expected = 0
 

@@ -29,7 +29,7 @@ from slipd.devices import Device, RateOption
 from slipd.devices.shared.device_interface import check_choice
 from slipd.devices.shared.frame_scanner import NO_FRAME, FrameDecoder, FrameScanner
 from slipd.devices.shared.msgpack_messages import Incomplete, Malformed, arrived
-from slipd.devices.shared.sensor_session import SensorSession, StartupSequence, Step
+from slipd.devices.shared.sensor_session import SensorSession, Step
 from slipd.devices.shared.sequence_tracker import SequenceTracker
 from slipd.types.samples import Sample, TactileSample
 
@@ -237,13 +237,13 @@ class Session(SensorSession[Decoder]):
     def __init__(self, rate_hz: int = 500) -> None:
         check_choice("rate_hz", rate_hz, RATES_HZ)
         # There is no last request, because the controller has no command that stops it.
-        super().__init__(Decoder(), StartupSequence([Step("rate", f"f{rate_hz}\n".encode(), "none")]))
+        super().__init__(Decoder(), [Step("rate", f"f{rate_hz}\n".encode(), "none")])
 
     def receive(self, data: bytes, now_ns: int) -> Sequence[Sample]:
         """Decode bytes received at ``now_ns``; return the images they complete."""
         samples = super().receive(data, now_ns)
         if self.decoder.frames_found:  # the controller sends, even if no sensor is connected
-            self._startup.reading_received(now_ns)
+            self.reading_received(now_ns)
         return samples
 
 

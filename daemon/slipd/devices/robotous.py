@@ -24,7 +24,7 @@ import numpy as np
 from slipd.devices import Device, RateOption
 from slipd.devices.shared.device_interface import check_choice
 from slipd.devices.shared.frame_scanner import FixedLengthScanner, FrameDecoder
-from slipd.devices.shared.sensor_session import SensorSession, StartupSequence, Step, strip_padding
+from slipd.devices.shared.sensor_session import SensorSession, Step, strip_padding
 from slipd.types.samples import WrenchSample
 
 SYNC = b"\x55"
@@ -170,7 +170,7 @@ class Session(SensorSession[Decoder]):
             _request("serial number", SERIAL_NUMBER, self._read_serial),
             Step("start", encode_command(START), "none"),
         ]
-        super().__init__(Decoder(torque_divider), StartupSequence(steps), stop.request)
+        super().__init__(Decoder(torque_divider), steps, stop.request)
 
     def start(self, now_ns: int) -> bytes:
         """Begin on a freshly opened link; return the first request."""
@@ -180,7 +180,7 @@ class Session(SensorSession[Decoder]):
 
     def _compare_rate(self, content: bytes) -> str:
         if content[0] < len(RATES_HZ) and RATES_HZ[content[0]] == self._output_hz:
-            self._startup.skip_next()
+            self.skip_next()
         return ""
 
     def _confirm_rate(self, content: bytes) -> str:
@@ -190,7 +190,7 @@ class Session(SensorSession[Decoder]):
 
     def _compare_filter(self, content: bytes) -> str:
         if content[:2] == self._filter or not (content[0] or self._filter[0]):
-            self._startup.skip_next()
+            self.skip_next()
         return ""
 
     def _read_product(self, content: bytes) -> str:

@@ -17,7 +17,7 @@ import numpy as np
 from slipd.devices import Device
 from slipd.devices.shared.device_interface import check_integer
 from slipd.devices.shared.frame_scanner import NO_FRAME, FrameDecoder, FrameScanner
-from slipd.devices.shared.sensor_session import SensorSession, StartupSequence, Step
+from slipd.devices.shared.sensor_session import SensorSession, Step
 from slipd.types.arrays import Array
 from slipd.types.samples import TactileSample
 
@@ -106,12 +106,7 @@ class Decoder(FrameDecoder):
 
     def _samples(self, content: bytes, t_ns: int) -> list[TactileSample]:
         """Return the images in the data of a valid packet."""
-        blocks: dict[int, bytes] = {}
-        at = 0
-        while at < len(content):
-            size = _BLOCK_BYTES[content[at]]
-            blocks[content[at]] = content[at + 1 : at + 1 + size]
-            at += 1 + size
+        blocks = _blocks(content, len(content)) or {}
         samples: list[TactileSample] = []
         for finger in range(FINGERS):
             static = blocks.get(STATIC | finger << 2)
@@ -143,23 +138,27 @@ def _measure(buffer: bytes, at: int) -> int:
     if end == begin or not (head[2] in _SENSORS or head[2] == VERSION):
         return NO_FRAME
     content = buffer[begin:end]
-    is_valid = _TEXT.issuperset(content) if head[2] == VERSION else _has_known_tags(content, head[3])
+    is_valid = _TEXT.issuperset(content) if head[2] == VERSION else _blocks(content, head[3]) is not None
     if not is_valid:
         return NO_FRAME
     return end - at if end <= len(buffer) else 0
 
 
-def _has_known_tags(received: bytes, size: int) -> bool:
-    """Return whether known tags, each once, fill the data of this size exactly, as far as received."""
-    seen: set[int] = set()
+def _blocks(received: bytes, size: int) -> dict[int, bytes] | None:
+    """Return the values in the data of a sensor packet by tag, as far as received.
+
+    None if they are not known tags, each once, that fill the data of this size exactly.
+    """
+    blocks: dict[int, bytes] = {}
     at = 0
     while at < len(received):
         tag = received[at]
-        if tag not in _BLOCK_BYTES or tag in seen:
-            return False
-        seen.add(tag)
-        at += 1 + _BLOCK_BYTES[tag]
-    return at <= size
+        if tag not in _BLOCK_BYTES or tag in blocks:
+            return None
+        end = at + 1 + _BLOCK_BYTES[tag]
+        blocks[tag] = received[at + 1 : end]
+        at = end
+    return blocks if at <= size else None
 
 
 def encode_packet(command: int, data: bytes = b"") -> bytes:
@@ -202,7 +201,7 @@ class Session(SensorSession[Decoder]):
             Step("version", encode_packet(VERSION), "optional", reply=VERSION, handle=self._handle_version),
             Step("start", encode_packet(AUTOSEND, bytes((period_ms,))), "none"),
         ]
-        super().__init__(Decoder(timestamp_unit_ns), StartupSequence(steps), stop)
+        super().__init__(Decoder(timestamp_unit_ns), steps, stop)
 
     def _handle_version(self, content: bytes) -> str:
         self.identity = content.decode("ascii").strip("\0\r\n ")

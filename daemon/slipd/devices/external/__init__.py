@@ -76,13 +76,13 @@ def _sample(body: dict[str, Any], t_ns: int) -> Reading:
     status, stream, time_ns = tuple(body.get("status", ())), body["stream"], body["t_ns"]
     if "values" in body:
         values = np.array(body["values"], dtype=np.float64)
-        return TactileSample(t_ns, time_ns, values, _with_validity(status, values), stream)
+        return TactileSample(t_ns, time_ns, values, _with_validity(status, values.ravel()), stream)
     if "gravity_mps2" in body:
         return _arm_sample(body, t_ns, status)
     if "force_n" not in body:
         return _object_sample(body, t_ns, status)
     force_n, torque_nm = _floats(body["force_n"]), _optional(body.get("torque_nm"))
-    status = _with_validity(status, np.array([*force_n, *(torque_nm or ())]))
+    status = _with_validity(status, force_n, torque_nm)
     return WrenchSample(t_ns, time_ns, force_n, torque_nm, status, stream)
 
 
@@ -90,15 +90,14 @@ def _object_sample(body: dict[str, Any], t_ns: int, status: tuple[str, ...]) -> 
     pose = body.get("object_pose", {})
     xyz_m, quat_xyzw = _optional(pose.get("xyz_m")), _optional(pose.get("quat_xyzw"))
     speed, std = (None if body.get(key) is None else float(body[key]) for key in _SPEED_KEYS)
-    numbers = np.array([*(xyz_m or ()), *(quat_xyzw or ()), *(n for n in (speed, std) if n is not None)])
-    status = _with_validity(status, numbers)
+    status = _with_validity(status, xyz_m, quat_xyzw, () if speed is None or std is None else (speed, std))
     return ObjectSample(t_ns, body["t_ns"], xyz_m, quat_xyzw, speed, std, status, body["stream"])
 
 
 def _arm_sample(body: dict[str, Any], t_ns: int, status: tuple[str, ...]) -> ArmSample:
     gravity_mps2, velocity_radps = _floats(body["gravity_mps2"]), _floats(body["angular_velocity_radps"])
     acceleration_radps2 = _optional(body.get("angular_acceleration_radps2"))
-    status = _with_validity(status, np.array([*gravity_mps2, *velocity_radps, *(acceleration_radps2 or ())]))
+    status = _with_validity(status, gravity_mps2, velocity_radps, acceleration_radps2)
     return ArmSample(t_ns, body["t_ns"], gravity_mps2, velocity_radps, acceleration_radps2, status, body["stream"])
 
 
@@ -110,8 +109,10 @@ def _optional(values: Sequence[float] | None) -> tuple[float, ...] | None:
     return None if values is None else _floats(values)
 
 
-def _with_validity(status: tuple[str, ...], values: Array) -> tuple[str, ...]:
-    return status if "invalid" in status or np.isfinite(values).all() else (*status, "invalid")
+def _with_validity(status: tuple[str, ...], *numbers: Sequence[float] | Array | None) -> tuple[str, ...]:
+    """Return the status, with "invalid" where a number is not finite."""
+    known = np.concatenate([part for part in numbers if part is not None])
+    return status if "invalid" in status or np.isfinite(known).all() else (*status, "invalid")
 
 
 FASTEST_HZ = 10_000.0

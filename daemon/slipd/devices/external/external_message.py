@@ -126,23 +126,20 @@ def encode_reading(
     Raises:
         ValueError: A receiver would reject the message.
     """
-    body: dict[str, Any] = {"stream": stream, "t_ns": t_ns}
-    vectors = {
+    numbers = {
         "force_n": force_n,
         "torque_nm": torque_nm,
         "values": values,
         "gravity_mps2": gravity_mps2,
         "angular_velocity_radps": angular_velocity_radps,
         "angular_acceleration_radps2": angular_acceleration_radps2,
+        "object_pose": object_pose,
+        "object_speed_mps": object_speed_mps,
+        "object_speed_std_mps": object_speed_std_mps,
     }
-    for key, reading in vectors.items():
-        if reading is not None:
-            body[key] = np.asarray(reading, dtype=np.float64).tolist()
-    if object_pose is not None:
-        body["object_pose"] = {key: np.asarray(part, dtype=np.float64).tolist() for key, part in object_pose.items()}
-    for key, number in (("object_speed_mps", object_speed_mps), ("object_speed_std_mps", object_speed_std_mps)):
-        if number is not None:
-            body[key] = float(number)
+    body = {"stream": stream, "t_ns": t_ns} | {
+        key: _plain(value) for key, value in numbers.items() if value is not None
+    }
     if seq is not None:
         body["seq"] = seq
     if status:
@@ -159,6 +156,13 @@ def encode_reading(
             f"and angular velocity of an arm, of shape (3,), got stream {stream!r:.80}"
         )
     return data
+
+
+def _plain(numbers: Mapping[str, ArrayLike] | ArrayLike) -> Any:
+    """Return numbers as msgpack has them: floats, in lists and maps."""
+    if isinstance(numbers, Mapping):
+        return {key: _plain(part) for key, part in numbers.items()}
+    return np.asarray(numbers, dtype=np.float64).tolist()
 
 
 def _message_end(buffer: bytes, at: int) -> int:

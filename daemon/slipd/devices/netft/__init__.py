@@ -30,7 +30,7 @@ from slipd.devices.netft.netft_calibration import (
 from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.device_interface import check_choice
 from slipd.devices.shared.frame_scanner import FrameDecoder
-from slipd.devices.shared.sensor_session import SensorSession, StartupSequence, Step
+from slipd.devices.shared.sensor_session import SensorSession, Step
 from slipd.types.arrays import Array
 from slipd.types.samples import Sample, WrenchSample
 
@@ -196,7 +196,7 @@ class Session(SensorSession[Decoder]):
         start = Step("start", rdt.encode_request(rdt.START_BUFFERED if buffered else rdt.START), "none")
         super().__init__(
             Decoder(counts_per_force, counts_per_torque, force_unit, torque_unit, internal_hz),
-            StartupSequence([start]),
+            [start],
             rdt.encode_request(rdt.STOP),
         )
         self._answer: bytes | None = None  # the part received so far; None if no answer is awaited
@@ -210,7 +210,7 @@ class Session(SensorSession[Decoder]):
         self.stop()
         self.identity, self._answer = "", b""
         self.decoder.calibrate(None)
-        self._startup.state = "waiting for calibration"
+        self.state = "waiting for calibration"
         return b""
 
     def receive(self, data: bytes, now_ns: int) -> Sequence[Sample]:
@@ -237,11 +237,11 @@ class Session(SensorSession[Decoder]):
         if isinstance(calibration, str):
             self.health.bad += 1
             self.health.bad_bytes += len(answer)
-            self._startup.state = f"wrong calibration: {calibration}"
+            self.state = f"wrong calibration: {calibration}"
         elif calibration is not None:
             self.decoder.calibrate(calibration, rate_fault(self._output_hz, calibration))
             self.identity = calibration.identity
-            self._startup.start(now_ns)
+            self.begin(now_ns)
 
 
 def inquiry(calibration: str = "tcp", output_hz: int = 0, **_others: Any) -> Inquiry | None:

@@ -13,7 +13,7 @@ from slipd.devices.optoforce import optoforce_frames as frames
 from slipd.devices.optoforce.optoforce_frames import Decoder
 from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.device_interface import check_choice, check_integer
-from slipd.devices.shared.sensor_session import SensorSession, StartupSequence, Step, strip_padding
+from slipd.devices.shared.sensor_session import SensorSession, Step, strip_padding
 
 __all__ = ["DEVICE", "Decoder", "Session"]
 
@@ -73,7 +73,7 @@ class Session(SensorSession[Decoder]):
                 Step("start", rdt.encode_request(rdt.START), "none"),
             ]
             stop = rdt.encode_request(rdt.STOP)
-        super().__init__(decoder, StartupSequence(steps), stop)
+        super().__init__(decoder, steps, stop)
 
     def _read_serial(self, body: bytes) -> str:
         serial = strip_padding(body)

@@ -1,16 +1,17 @@
 """Sessions with sensors: the requests that bring a device to sending readings, again when it falls silent, and polls.
 
-`StartupSequence` sends the requests, each a `Step`, and repeats what is not answered. `SensorSession` passes the
-answers that its decoder finds to their steps. `PolledSession` is for devices that answer each request with one reading.
+`StartupSequence` sends the requests, each a `Step`, and repeats what is not answered. `SensorSession` adds the decoder,
+and passes the answers that it finds to their steps. `PolledSession` is for devices that answer each request with one
+reading.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, TypeVar
 
-from slipd.devices.shared.device_interface import DecoderHealth
+from slipd.devices.shared.device_interface import Decoder
 from slipd.devices.shared.frame_scanner import FrameDecoder
 from slipd.types.samples import Sample
 
@@ -58,39 +59,57 @@ class StartupSequence:
     Args:
         steps: The requests, in order; readings are expected after the last one. Steps after the one that is being
             answered may be replaced.
+        last_request: Bytes to send at the end.
         rest_ns: Pause before an unanswered sequence starts again.
         silence_ns: Time without readings after which the device no longer sends.
 
     Attributes:
         state: As above.
         awaited: The request whose answer is awaited; None while none is.
-        due_ns: When `on_time` is due; None while closed.
     """
 
-    def __init__(self, steps: Sequence[Step], *, rest_ns: int = RETRY_PAUSE_NS, silence_ns: int = SILENCE_NS) -> None:
+    def __init__(
+        self,
+        steps: list[Step],
+        last_request: bytes = b"",
+        *,
+        rest_ns: int = RETRY_PAUSE_NS,
+        silence_ns: int = SILENCE_NS,
+    ) -> None:
         self.state = "closed"
         self.awaited: Step | None = None
-        self.due_ns: int | None = None
+        self._due_ns: int | None = None
         self._steps = steps
+        self._last_request = last_request
         self._rest_ns = rest_ns
         self._silence_ns = silence_ns
         self._at = 0
         self._attempt = 0
         self._silent = True  # since the last request
 
-    def start(self, now_ns: int) -> None:
-        """Begin on a freshly opened link; the first request is due at once."""
+    def start(self, now_ns: int) -> bytes:
+        """Begin on a freshly opened link; return the first request."""
+        self.begin(now_ns)
+        return self.on_time(now_ns)
+
+    def begin(self, now_ns: int) -> None:
+        """Make the first request due at ``now_ns``."""
         self.state = "waiting"
         self._go_to(0, now_ns)
 
-    def stop(self) -> None:
-        """End; nothing is due any more."""
+    def next_deadline(self) -> int | None:
+        """Return when `on_time` is due, ns; None while closed."""
+        return self._due_ns
+
+    def stop(self) -> bytes:
+        """End; return the last request."""
         self.state = "closed"
-        self.awaited = self.due_ns = None
+        self.awaited = self._due_ns = None
+        return self._last_request
 
     def on_time(self, now_ns: int) -> bytes:
         """Return the request that is due at ``now_ns``; empty if none is."""
-        if self.due_ns is None or now_ns < self.due_ns:
+        if self._due_ns is None or now_ns < self._due_ns:
             return b""
         if self._at == len(self._steps):
             self.state = f"no answer to {self._steps[-1].name}" if self._silent else "waiting"
@@ -104,7 +123,7 @@ class StartupSequence:
         else:
             self._attempt += 1
             self.awaited = step
-            self.due_ns = now_ns + (step.pause_ns or ANSWER_NS)
+            self._due_ns = now_ns + (step.pause_ns or ANSWER_NS)
         return step.request
 
     def handle_answer(self, now_ns: int, error: str = "") -> None:
@@ -132,10 +151,10 @@ class StartupSequence:
 
     def reading_received(self, now_ns: int) -> None:
         """Record that a reading arrived."""
-        if self.due_ns is not None and self._at == len(self._steps):
+        if self._due_ns is not None and self._at == len(self._steps):
             self.state = "running"
             self._silent = False
-            self.due_ns = now_ns + self._silence_ns
+            self._due_ns = now_ns + self._silence_ns
 
     def _give_up(self, step: Step, now_ns: int) -> None:
         if step.answer == "optional":
@@ -145,85 +164,58 @@ class StartupSequence:
             self._go_to(0, now_ns + self._rest_ns)
 
     def _go_to(self, index: int, due_ns: int) -> None:
-        self._at, self._attempt, self.due_ns, self.awaited = index, 0, due_ns, None
+        self._at, self._attempt, self._due_ns, self.awaited = index, 0, due_ns, None
         if index == len(self._steps):
             self._silent = True
-            self.due_ns = due_ns + self._silence_ns
+            self._due_ns = due_ns + self._silence_ns
 
 
 D = TypeVar("D", bound=FrameDecoder)
 
 
-class SensorSession(Generic[D]):
+class SensorSession(StartupSequence, Generic[D]):
     """Run a startup sequence and return readings, in every state.
 
     Args:
         decoder: Decoder of readings and answers.
-        startup: The requests that start the readings.
+        steps: The requests that start the readings.
         last_request: Bytes to send when the session ends.
+        times: See `StartupSequence`.
     """
 
-    def __init__(self, decoder: D, startup: StartupSequence, last_request: bytes = b"") -> None:
+    def __init__(self, decoder: D, steps: list[Step], last_request: bytes = b"", **times: int) -> None:
+        super().__init__(steps, last_request, **times)
         self.decoder = decoder
         self.health = decoder.health
         self.identity = ""
-        self._startup = startup
-        self._last_request = last_request
-
-    @property
-    def state(self) -> str:
-        """State of the startup, as a short text for people."""
-        return self._startup.state
 
     def start(self, now_ns: int) -> bytes:
-        """Begin on a freshly opened link; return the first request if it is due at once."""
+        """Begin on a freshly opened link; return the first request."""
         self.decoder.forget()
         self.identity = ""
-        self._startup.start(now_ns)
-        return self._startup.on_time(now_ns)
+        return super().start(now_ns)
 
     def receive(self, data: bytes, now_ns: int) -> Sequence[Sample]:
         """Decode bytes received at ``now_ns``; return the readings they complete."""
         samples = self.decoder.receive(data, now_ns)
-        if self._startup.awaited:
+        if self.awaited:
             self._handle_answers(now_ns)
         if samples:
-            self._startup.reading_received(now_ns)
+            self.reading_received(now_ns)
         return samples
-
-    def next_deadline(self) -> int | None:
-        """Return when `on_time` is due, ns; None while closed."""
-        return self._startup.due_ns
-
-    def on_time(self, now_ns: int) -> bytes:
-        """Return the request that is due at ``now_ns``; empty if none is."""
-        return self._startup.on_time(now_ns)
-
-    def stop(self) -> bytes:
-        """End; return the request that stops the readings."""
-        self._startup.stop()
-        return self._last_request
 
     def _handle_answers(self, now_ns: int) -> None:
         """Look for the awaited answer among the bytes that the decoder received last."""
         for reply, content in self.decoder.replies:
-            step = self._startup.awaited
+            step = self.awaited
             if step is not None and reply == step.reply:
-                self._startup.handle_answer(now_ns, step.handle(content))
+                self.handle_answer(now_ns, step.handle(content))
 
 
-S = TypeVar("S", bound=Sample)
+P = TypeVar("P", bound=Decoder)
 
 
-class _Decoder(Protocol[S]):
-    health: DecoderHealth
-
-    def receive(self, data: bytes, t_ns: int) -> list[S]: ...
-
-    def forget(self) -> None: ...
-
-
-class PolledSession(Generic[S]):
+class PolledSession(Generic[P]):
     """Keep one poll outstanding. `state` is "closed", "waiting" or "running".
 
     Args:
@@ -235,7 +227,7 @@ class PolledSession(Generic[S]):
 
     identity = ""
 
-    def __init__(self, decoder: _Decoder[S], request: bytes, timeout_ns: int, period_ns: int = 0) -> None:
+    def __init__(self, decoder: P, request: bytes, timeout_ns: int, period_ns: int = 0) -> None:
         self.decoder = decoder
         self.health = decoder.health
         self.state = "closed"
@@ -248,7 +240,7 @@ class PolledSession(Generic[S]):
         self.state, self._due_ns = "waiting", now_ns
         return self.on_time(now_ns)
 
-    def receive(self, data: bytes, now_ns: int) -> list[S]:
+    def receive(self, data: bytes, now_ns: int) -> Sequence[Sample]:
         """Return the readings that bytes received at ``now_ns`` complete; a reading makes the next poll due."""
         samples = self.decoder.receive(data, now_ns)
         if samples and self._due_ns is not None:

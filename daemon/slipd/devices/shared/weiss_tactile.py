@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slipd.devices.shared.frame_scanner import FrameDecoder
-from slipd.devices.shared.sensor_session import ATTEMPTS, SILENCE_NS, SensorSession, StartupSequence, Step
+from slipd.devices.shared.sensor_session import ATTEMPTS, SILENCE_NS, SensorSession, Step
 from slipd.devices.shared.weiss_packets import PREAMBLE, PacketScanner, encode, status_word
 from slipd.types.samples import Sample, TactileSample
 
@@ -137,9 +137,9 @@ class TactileSession(SensorSession[D]):
         period_ns: Expected time from one image to the next.
     """
 
-    def __init__(self, decoder: D, steps: Sequence[Step], stop: bytes, period_ns: int) -> None:
+    def __init__(self, decoder: D, steps: list[Step], stop: bytes, period_ns: int) -> None:
         silence_ns = max(SILENCE_NS, 3 * period_ns)
-        super().__init__(decoder, StartupSequence(steps, rest_ns=0, silence_ns=silence_ns), stop)
+        super().__init__(decoder, steps, stop, rest_ns=0, silence_ns=silence_ns)
         self._received_ns = 0
 
     def receive(self, data: bytes, now_ns: int) -> Sequence[Sample]:

@@ -151,7 +151,8 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
                 Step("limits", limits, reply=wire.LIMITS, handle=self._handle_limits),
                 *([Step("overdrive", wire.ALLOW_OVERDRIVE, reply=wire.OVERDRIVE)] if overdrive else []),
                 *(Step(name, wire.update_request(id_, period_ms), reply=id_) for id_, name in _UPDATES.items()),
-            ]
+            ],
+            wire.encode(wire.DISCONNECT),
         )
         self._queue = WsgCommandQueue(self.health)
         self._reset(State.CLOSED)
@@ -180,14 +181,12 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
     def start(self, now_ns: int) -> bytes:
         """Begin on a freshly opened link. Nothing moves."""
         self._reset(State.WAITING)
-        self._startup.start(now_ns)
-        return self.on_time(now_ns)
+        return self._startup.start(now_ns)
 
     def stop(self) -> bytes:
         """End with a disconnect, because a broken connection is a fault to the gripper. It keeps what it holds."""
         self._reset(State.CLOSED)
-        self._startup.stop()
-        return wire.encode(wire.DISCONNECT)
+        return self._startup.stop()
 
     def receive(self, data: bytes, now_ns: int) -> list[GripperSample]:
         """Decode bytes received at ``now_ns``; return the readings they complete."""
@@ -202,7 +201,7 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
 
     def next_deadline(self) -> int | None:
         """Return when `on_time` is due, ns; None while closed."""
-        due = [self._startup.due_ns]
+        due = [self._startup.next_deadline()]
         if self._startup.state == "running":
             due += [self._queue.due_ns, self._homing_until_ns if self.activating else None]
         return min((time_ns for time_ns in due if time_ns is not None), default=None)

@@ -77,7 +77,7 @@ class Decoder:
             self._in_step = False
 
 
-class Session(PolledSession[WrenchSample]):
+class Session(PolledSession[Decoder]):
     """Poll the sensor; every reading makes the next poll due.
 
     Args:

@@ -68,7 +68,7 @@ def _sample(payload: bytes, t_ns: int) -> WrenchSample:
     return WrenchSample(t_ns, None, [N_PER_COUNT * value for value in (x, y, z)], None, ("overload",) if full else ())
 
 
-class Session(PolledSession[WrenchSample]):
+class Session(PolledSession[Decoder]):
     """Poll one module in its period.
 
     Args:
