@@ -115,12 +115,12 @@ class Walk:
 
     def permit(self, permit: Permit) -> None:
         session = self.session
-        state, activating, told_n = session._machine.state, session.activating, session.force_sent_n
+        state, activating, told_n = session._state, session.activating, session.force_sent_n
         taken = session.execute(permit, self.now_ns)
         if not taken:
             assert (session.force_sent_n, session.activating) == (told_n, activating), "a refusal changes nothing"
             if permit.kind != "halt":
-                assert session._machine.state is state
+                assert session._state is state
             return
         if permit.kind in ("move", "set_force"):
             assert not activating

@@ -15,7 +15,6 @@ from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, PackageNotFoundError, distribution, distributions
 from pkgutil import iter_modules
-from typing import NamedTuple
 
 from slipd import __version__
 from slipd.devices.shared.device_interface import (
@@ -59,14 +58,6 @@ GROUP = "slipd.devices"
 """Group of the entry points; each names a device."""
 
 
-class Provider(NamedTuple):
-    """A package that provides a device: its name and version, and its entry point."""
-
-    package: str
-    version: str
-    entry: EntryPoint
-
-
 @dataclass(frozen=True, slots=True)
 class Installed:
     """An installed device.
@@ -96,16 +87,14 @@ def find_device(name: str) -> Installed | None:
 
 
 @cache
-def providers() -> Mapping[str, Mapping[str, Provider]]:
-    """Return the packages that provide a device, by its name and theirs; no package is imported."""
-    found: dict[str, dict[str, Provider]] = {}
+def providers() -> Mapping[str, Mapping[str, tuple[str, EntryPoint]]]:
+    """Return version and entry point of the packages that provide a device, by its name and theirs; import none."""
+    found: dict[str, dict[str, tuple[str, EntryPoint]]] = {}
     for package in distributions():
         with suppress(Exception):  # damaged metadata of some package
             for entry in package.entry_points.select(group=GROUP):
-                of_name = found.setdefault(entry.name, {})
-                of_name.setdefault(
-                    package.name, Provider(package.name, package.version, entry)
-                )  # a later one is hidden
+                packages = found.setdefault(entry.name, {})
+                packages.setdefault(package.name, (package.version, entry))  # the first folder of the path counts
     return found
 
 
@@ -138,18 +127,19 @@ def _modules() -> tuple[str, ...]:
 @cache
 def _other(name: str) -> Installed:
     """Return the device that other packages provide by a name."""
-    first, *others = providers()[name].values()
-    packages = ", ".join(f"{each.package} {each.version}" for each in (first, *others))
+    provided = providers()[name]
+    package, (version, entry) = next(iter(provided.items()))
+    packages = ", ".join(f"{each} {version}" for each, (version, _) in provided.items())
     if name in _modules():
         return Installed(name, packages, "", None, f"slipd {__version__} uses the name itself")
-    if others:
+    if len(provided) > 1:
         return Installed(name, packages, "", None, "more than one package provides it; uninstall all but one")
     try:
-        device = first.entry.load()
+        device = entry.load()
         fault = _misfit(name, device)
     except Exception as error:  # no package may stop the other devices
-        fault = f"{first.entry.value} cannot be loaded: {type(error).__name__}: {error}"
-    return Installed(name, first.package, first.version, None if fault else device, fault)
+        fault = f"{entry.value} cannot be loaded: {type(error).__name__}: {error}"
+    return Installed(name, package, version, None if fault else device, fault)
 
 
 def _misfit(name: str, loaded: object) -> str:

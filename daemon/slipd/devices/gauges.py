@@ -41,6 +41,7 @@ _INVALID = 1 << CHANNELS
 _RAILS = frozenset((-(1 << 31), (1 << 31) - 1))
 _SEQUENCE_SPAN = 1 << 16
 _US_SPAN = 1 << 32
+_has_checksum = checksums.x25_check(_UNCHECKED, FRAME_LENGTH)
 
 
 class Decoder(FrameDecoder):
@@ -95,7 +96,7 @@ class Decoder(FrameDecoder):
 def _checksum_matches(buffer: bytes, at: int) -> bool:
     if buffer[at + len(_SYNC)] & _RESERVED_STATUS:
         return False
-    return checksums.x25_matches(buffer[at + _UNCHECKED : at + FRAME_LENGTH])
+    return _has_checksum(buffer, at)
 
 
 def _checked_matrix(rows: Sequence[Sequence[float]]) -> Array:

@@ -165,10 +165,13 @@ def _blocks_end(body: bytes) -> int:
         return end
     if before != UNDEFINED:
         raise Malformed
+    total, counted = 0, 0
     marker = body.find(END, end + SUM_LENGTH)
     while marker >= 0:
-        if _is_end(body, marker - SUM_LENGTH):
-            return marker - SUM_LENGTH
+        end = marker - SUM_LENGTH
+        total, counted = total + sum(body[counted:end]), end
+        if total & 0xFFFF == int.from_bytes(body[end:marker], "little"):
+            return end
         marker = body.find(END, marker + 1)
     raise Incomplete
 

@@ -8,7 +8,6 @@ the table of contents of the command set manual.
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from functools import partial
 
 from slipd.devices import Device, RateOption
@@ -38,21 +37,6 @@ START_FIELDS = struct.Struct("<BH")  # flags, interval in ms
 REPLY_SIZES = {START: 2, STOP: 2, MATRIX: MATRIX_FIELDS.size, SYSTEM: SYSTEM_FIELDS.size}
 
 
-@dataclass(frozen=True)
-class Matrix:
-    """Size of a module's matrix; by default that of a WTS-FT.
-
-    Attributes:
-        cols: Columns.
-        rows: Rows.
-        full_scale: Largest value of a cell, counts.
-    """
-
-    cols: int = 4
-    rows: int = 8
-    full_scale: int = FULL_SCALE
-
-
 class Decoder(TactileDecoder):
     """Return a sample of every plain image.
 
@@ -65,10 +49,9 @@ class Decoder(TactileDecoder):
         self._cells: int | None = None
         self._full_scale = FULL_SCALE
 
-    def set_matrix(self, matrix: Matrix) -> None:
-        """Set the size of the matrix; images of another size are rejected."""
-        self._cells = matrix.cols * matrix.rows
-        self._full_scale = matrix.full_scale
+    def set_matrix(self, cells: int, full_scale: int) -> None:
+        """Set the number of cells and their largest value; images that do not fit are rejected."""
+        self._cells, self._full_scale = cells, full_scale
 
     def _accepts_image(self, rle: bool, count: int, words: Words) -> bool:
         return not rle and self._cells in (None, count) and not (words > self._full_scale).any()
@@ -119,7 +102,7 @@ class Session(TactileSession[Decoder]):
         _, cols, rows, _, _, full_scale = MATRIX_FIELDS.unpack(payload)
         if not 1 <= cols * rows <= MAX_CELLS or full_scale == 0:
             return f"matrix of {cols} x {rows} cells of {full_scale} counts: 1 to {MAX_CELLS} cells are supported"
-        self.decoder.set_matrix(Matrix(cols, rows, full_scale))
+        self.decoder.set_matrix(cols * rows, full_scale)
         return ""
 
 

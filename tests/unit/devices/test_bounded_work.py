@@ -30,7 +30,7 @@ def repeat(piece: bytes, size: int = SIZE) -> bytes:
 
 RECORD = rdt.encode_record((1, 2, 3, 4, 5, 6), 70_000, 7)
 HOSTILE: dict[str, tuple[bytes, ...]] = {
-    "bota": (b"\xaa", b"App Init\r", b"r,0,C,1\r\n", b"App Init\rname: a\r"),
+    "bota": (b"\xaa", b"App Init\r", b"r,0,C,1\r\n", b"App Init\rname: a\r", b"App Init\rname: a" + b"\r" * 490),
     "optoforce": (b"\xaa", b"\xaa\x07\x08\x1c", b"\xaa\x07\x08\x0a"),
     "netft": (RECORD, RECORD[1:], b"\x00"),
     "robotous": (b"\x55", b"\x55\x0b\xaa"),

@@ -77,8 +77,8 @@ def test_a_permit_is_sent_in_states_that_accept_it_and_changes_nothing_in_others
     assert set(OUTCOMES[device]) == {each.value for each in module.TRANSITIONS}
     talk, untouched = (Talk(device, STATES[device][state]) for _ in range(2))
     session = talk.session
-    assert session._machine.state.value == state
-    assert session.activating is (session._machine.state in module.ACTIVATION)
+    assert session._state.value == state
+    assert session.activating is (session._state in module.ACTIVATION)
     outcomes = OUTCOMES[device][state]
     sent = len(talk.commands)
     assert talk.ask(kind) is (kind in outcomes)
@@ -89,7 +89,7 @@ def test_a_permit_is_sent_in_states_that_accept_it_and_changes_nothing_in_others
         assert [each.kind for each in commands[: len(outcomes[kind])]] == outcomes[kind]
         assert outcomes[kind] or not commands
         return
-    assert session._machine.state is untouched.session._machine.state
+    assert session._state is untouched.session._state
     if kind != "drop":  # an unanswered command is not repeated after a drop
         assert talk.run(0.3).sent == untouched.run(0.3).sent
         assert session.state == untouched.session.state

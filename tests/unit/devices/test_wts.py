@@ -9,15 +9,14 @@ from slipd.devices import wts
 from slipd.devices.shared import weiss_packets as weiss
 from slipd.tools.sim.emulated_weiss import encode_wts_frame
 
-WTS_FT = wts.Matrix()
-SMALL = wts.Matrix(1, 1, 1000)
+WTS_FT, SMALL = (32, 4095), (1, 1000)
 RUNS = weiss.encode(0, bytes(4) + b"\x01\x05\x00", weiss.SEED_WITH_PREAMBLE)
 
 
-def decoder(matrix: wts.Matrix | None = None) -> wts.Decoder:
+def decoder(matrix: tuple[int, int] | None = None) -> wts.Decoder:
     made = wts.Decoder()
     if matrix is not None:
-        made.set_matrix(matrix)
+        made.set_matrix(*matrix)
     return made
 
 

@@ -159,7 +159,7 @@ class Session(QueuedGripperSession[SetpointQueue]):
     @property
     def state(self) -> str:
         """State of driver and gripper, as a short text for people."""
-        state = self._machine.state
+        state = self._state
         if state is State.UNREGISTERED:
             return f"refused: {self._refusal}" if self._refusal else "waiting"
         if state in (State.CLOSED, State.WAITING):
@@ -201,14 +201,14 @@ class Session(QueuedGripperSession[SetpointQueue]):
 
     def next_deadline(self) -> int | None:
         """Return when `on_time` is due, ns; None while closed."""
-        if self._machine.state is State.CLOSED:
+        if self._state is State.CLOSED:
             return None
         due = [self._notice_ns if self._notice else None, self._queue.due_ns, self._silent_at_ns]
         return min(time_ns for time_ns in due if time_ns is not None)
 
     def on_time(self, now_ns: int) -> bytes:
         """Return the notice or set-point that is due at ``now_ns``; empty if none is."""
-        if self._machine.state is State.CLOSED:
+        if self._state is State.CLOSED:
             return b""
         if now_ns >= self._silent_at_ns:
             self._fall_silent(now_ns)
@@ -223,7 +223,7 @@ class Session(QueuedGripperSession[SetpointQueue]):
 
     def _halt(self) -> bool:
         dropped = self.drop()
-        if not self._machine.handle(Event.HALT):
+        if not self._handle_event(Event.HALT):
             return dropped
         self._queue.stop()
         self._repeat_report()
@@ -235,13 +235,13 @@ class Session(QueuedGripperSession[SetpointQueue]):
         self._queue.forget_force()
         self._fault, self._queue.echo_ok = "", None
         if self.identity not in ("", driver.name):
-            self._machine.handle(Event.STRANGER)
+            self._handle_event(Event.STRANGER)
             self._driver = None
             self._set_ranges()
             self._refuse(_ANOTHER, now_ns)
             return
         self.health.restarts += self.identity != ""
-        self._machine.handle(Event.REGISTERED)
+        self._handle_event(Event.REGISTERED)
         self._driver = driver
         self._set_ranges(driver.width_range_m, driver.force_range_n, driver.speed_range_mps)
         self.identity = driver.name
@@ -250,7 +250,7 @@ class Session(QueuedGripperSession[SetpointQueue]):
 
     def _fall_silent(self, now_ns: int) -> None:
         self._silent_at_ns = now_ns + SILENCE_NS
-        self._machine.handle(Event.FELL_SILENT)
+        self._handle_event(Event.FELL_SILENT)
         self._fault = ""
         if self._driver is None:
             self._refuse(self._refusal or _REGISTER, now_ns)
@@ -274,7 +274,7 @@ class Session(QueuedGripperSession[SetpointQueue]):
         self.health.good += 1
         self._fault = report.fault
         self._reported = report_of(active=report.active, fault=report.fault)
-        self._machine.handle(self._reported)
+        self._handle_event(self._reported)
         if report.fault or not report.active:
             self._queue.drop_grip(report.fault or "not active")
             self._follow_activation()

@@ -30,7 +30,7 @@ from slipd.devices.robotiq_2f.robotiq_registers import (
 )
 from slipd.devices.shared import modbus
 from slipd.devices.shared.device_interface import DecoderHealth, check_integer
-from slipd.devices.shared.gripper_session import Event, GripperSessionBase, State, StateMachine
+from slipd.devices.shared.gripper_session import Event, GripperSessionBase, State
 from slipd.devices.shared.waiting_commands import STOP
 from slipd.types.samples import GripperSample
 
@@ -69,6 +69,7 @@ class Session(GripperSessionBase[WriteQueue]):
     """
 
     identity = ""
+    _table = TRANSITIONS
     _activation = ACTIVATION
 
     def __init__(
@@ -91,16 +92,14 @@ class Session(GripperSessionBase[WriteQueue]):
         self._reset(State.CLOSED)
 
     def _reset(self, state: State) -> None:
-        self._machine = StateMachine(TRANSITIONS, state)
-        self._queue.reset()
+        super()._reset(state)
         self.command_lost = False
-        self._reported: Event | None = None  # by the last status since the gripper fell silent or was cleared
         self._unanswered: RegisterWrite | None = None  # to be repeated if no reply comes
 
     @property
     def state(self) -> str:
         """State of the gripper, as a short text for people."""
-        state = self._machine.state
+        state = self._state
         if state is State.CLOSED:
             return "closed"
         if self._line.silent:
@@ -156,7 +155,7 @@ class Session(GripperSessionBase[WriteQueue]):
 
     def next_deadline(self) -> int | None:
         """Return when `on_time` is due, ns; None while closed."""
-        if self._machine.state is State.CLOSED:
+        if self._state is State.CLOSED:
             return None
         return self._line.due_ns(commands_wait=bool(self._queue.waiting))
 
@@ -172,7 +171,7 @@ class Session(GripperSessionBase[WriteQueue]):
         write = self._unanswered = self._queue.send()
         if write.kind in _SENT:
             self._reported = None
-            self._machine.handle(_SENT[write.kind])
+            self._handle_event(_SENT[write.kind])
         return self._line.send(write.request, now_ns)
 
     def _activate(self, now_ns: int) -> None:
@@ -182,7 +181,7 @@ class Session(GripperSessionBase[WriteQueue]):
     def _move(self, width_m: float, speed_mps: float | None, force_n: float) -> bool:
         units = self._units
         goal, force = Goal(units.position(width_m), units.speed(speed_mps)), units.force(force_n)
-        if not self._machine.handle(Event.MOVE):
+        if not self._handle_event(Event.MOVE):
             return False
         self._queue.move(goal, force)
         return True
@@ -191,16 +190,16 @@ class Session(GripperSessionBase[WriteQueue]):
         self._queue.set_force(self._units.force(force_n), self._unanswered)
 
     def _halt(self) -> bool:
-        dropped = self._machine.accepts(Event.DROP) and self.drop()
-        if not self._machine.handle(Event.HALT):
+        dropped = self._accepts(Event.DROP) and self.drop()
+        if not self._handle_event(Event.HALT):
             return dropped
         self._queue.halt()
         return True
 
     def _revert_activation(self, event: Event) -> None:
         """Return to the state of the last status if an activation was not sent."""
-        if self._machine.handle(event) and self._reported is not None:
-            self._machine.handle(self._reported)
+        if self._handle_event(event):
+            self._repeat_report()
 
     def _handle_timeout(self, request: modbus.Request) -> None:
         self._line.handle_timeout()
@@ -208,13 +207,13 @@ class Session(GripperSessionBase[WriteQueue]):
         writes = request.function == modbus.WRITE
         if self._line.silent:  # the gripper may have lost power, so ask for its status before any motion
             self._reported = None
-            self._machine.handle(Event.FELL_SILENT)
+            self._handle_event(Event.FELL_SILENT)
             if writes or self._queue.waiting:
                 self._give_up()
         elif write is None:
             self.command_lost = self.command_lost or writes
         elif self._queue.repeat(write) and write.kind in _REPEATED:
-            self._machine.handle(_REPEATED[write.kind])
+            self._handle_event(_REPEATED[write.kind])
 
     def _give_up(self) -> None:
         self._queue.waiting = []
@@ -228,7 +227,7 @@ class Session(GripperSessionBase[WriteQueue]):
             self._reported = Event.REPORTED_ACTIVE
         else:
             self._reported = Event.REPORTED_ACTIVATING if is_activating(registers) else Event.REPORTED_INACTIVE
-        accepted = self._machine.handle(self._reported)
+        accepted = self._handle_event(self._reported)
         if not sample.active:
             self._queue.forget_force()
             if accepted and self._queue.waiting:

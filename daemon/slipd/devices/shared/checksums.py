@@ -22,13 +22,11 @@ def x25(data: bytes) -> int:
     return (_REVERSED[crc & 0xFF] << 8 | _REVERSED[crc >> 8]) ^ 0xFFFF
 
 
-def x25_matches(data: bytes) -> bool:
-    """Return whether the last two bytes of ``data`` are the CRC-16/X-25 of the rest, low byte first."""
-    return crc_hqx(data.translate(_REVERSED), 0xFFFF) == _X25_RESIDUE
-
-
 def x25_check(first: int, length: int) -> Callable[[bytes, int], bool]:
-    """Return a check of the frames of `FixedLengthScanner`: `x25_matches` their bytes from ``first`` on."""
+    """Return a check of the frames of `FixedLengthScanner`.
+
+    It is whether their last two bytes are the CRC-16/X-25, low byte first, of those from ``first`` on.
+    """
 
     def check(buffer: bytes, at: int) -> bool:
         return crc_hqx(buffer[at + first : at + length].translate(_REVERSED), 0xFFFF) == _X25_RESIDUE
@@ -37,7 +35,7 @@ def x25_check(first: int, length: int) -> Callable[[bytes, int], bool]:
 
 
 def x25_all_match(data: bytes, starts: range, length: int) -> bool:
-    """Return whether `x25_matches` each of the pieces of one length that begin at ``starts``."""
+    """Return whether each of the pieces of one length that begin at ``starts`` ends with its CRC-16/X-25."""
     mirrored = data.translate(_REVERSED)
     for at in starts:  # noqa: SIM110 - a generator takes longer
         if crc_hqx(mirrored[at : at + length], 0xFFFF) != _X25_RESIDUE:

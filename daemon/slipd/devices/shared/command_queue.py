@@ -10,10 +10,10 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
-from typing import Any, ClassVar, TypeVar
+from typing import Any, TypeVar
 
 from slipd.devices.shared.device_interface import DecoderHealth
-from slipd.devices.shared.gripper_session import Event, GripperSessionBase, State, StateMachine, Table, check_range
+from slipd.devices.shared.gripper_session import Event, GripperSessionBase, State, check_range
 from slipd.devices.shared.waiting_commands import SETS_FORCE, STOP, Command, WaitingCommands
 
 ATTEMPTS = 3
@@ -82,16 +82,6 @@ class CommandQueue(WaitingCommands[QueuedCommand], ABC):
     def due_ns(self) -> int | None:
         """When `on_time` is due, ns; None if there is nothing to send."""
         return self._due_ns if self.waiting or self.outstanding is not None else None
-
-    @property
-    def activation_waits(self) -> bool:
-        """Whether an activation waits to be sent."""
-        return any(command.activates for command in self.waiting)
-
-    @property
-    def activation_is_sent(self) -> bool:
-        """Whether an activation was sent last, and is not answered."""
-        return self.outstanding is not None and self.outstanding.activates
 
     def drop(self) -> bool:
         """Drop waiting commands except a stop, and repeat no other; return whether anything was dropped."""
@@ -164,7 +154,7 @@ Queue = TypeVar("Queue", bound=CommandQueue)
 class QueuedGripperSession(GripperSessionBase[Queue]):
     """Session that sends one command at a time, to a gripper that reports its own ranges.
 
-    A subclass sets ``decoder``, ``_queue`` and ``_table``, the table of its state machine.
+    A subclass sets ``decoder`` too.
 
     Attributes:
         width_range_m: Smallest and largest width between the pads, m; (0, inf) until the gripper reports them.
@@ -173,16 +163,13 @@ class QueuedGripperSession(GripperSessionBase[Queue]):
     """
 
     decoder: Any
-    _table: ClassVar[Table]
 
     def _reset(self, state: State) -> None:
+        super()._reset(state)
         self.decoder.forget()
-        self._queue.reset()
-        self._machine = StateMachine(self._table, state)
         self.identity = ""
         self._set_ranges()
         self._fault = ""  # in the last reading
-        self._reported: Event | None = None  # by the last reading
 
     @property
     def command_lost(self) -> bool:
@@ -207,12 +194,12 @@ class QueuedGripperSession(GripperSessionBase[Queue]):
             self._follow_activation()
 
     def _move(self, width_m: float, speed_mps: float | None, force_n: float) -> bool:
-        if not self._machine.accepts(Event.MOVE):
+        if not self._accepts(Event.MOVE):
             return False
         if speed_mps is not None:
             check_range("speed", speed_mps, self.speed_range_mps or (0.0, 0.0), "m/s")
         check_range("width", width_m, self.width_range_m, "m")
-        self._machine.handle(Event.MOVE)
+        self._handle_event(Event.MOVE)
         self._queue.move(width_m, speed_mps, self._in_range(force_n))
         return True
 
@@ -232,14 +219,10 @@ class QueuedGripperSession(GripperSessionBase[Queue]):
 
     def _follow_activation(self) -> None:
         """Update the state with the outcome of a queued activation."""
-        if self._queue.activation_waits:
+        if any(command.activates for command in self._queue.waiting):
             return
-        if self._queue.activation_is_sent:
-            self._machine.handle(Event.ACTIVATION_SENT)
-        elif self._machine.handle(Event.ACTIVATION_GONE):
+        sent = self._queue.outstanding
+        if sent is not None and sent.activates:
+            self._handle_event(Event.ACTIVATION_SENT)
+        elif self._handle_event(Event.ACTIVATION_GONE):
             self._repeat_report()
-
-    def _repeat_report(self) -> None:
-        """Handle the last report again, because an activation is over, or was dropped before it was sent."""
-        if self._reported is not None:
-            self._machine.handle(self._reported)

@@ -170,53 +170,25 @@ def report_of(*, active: bool, fault: str) -> Event:
     return Event.REPORTED_FAULT if fault else Event.REPORTED_ACTIVE
 
 
-class StateMachine:
-    """A state that changes only as its table allows.
-
-    Args:
-        table: Its table; an event that is not in the row of the present state is refused.
-        state: The first state.
-
-    Attributes:
-        state: The present state.
-    """
-
-    def __init__(self, table: Table, state: State) -> None:
-        self._table = table
-        self.state = state
-
-    def accepts(self, event: Event) -> bool:
-        """Return whether the present state accepts an event."""
-        return event in self._table[self.state]
-
-    def handle(self, event: Event) -> bool:
-        """Go to the state that follows; return False, and stay, if the present state refuses the event."""
-        following = self._table[self.state].get(event)
-        if following is None:
-            return False
-        self.state = following
-        return True
-
-
 Queue = TypeVar("Queue", bound=WaitingCommands[Any])
 
 
 class GripperSessionBase(ABC, Generic[Queue]):
     """Carry out permits, the only way to command a gripper; each device implements the motions.
 
-    A subclass sets ``_machine``, its state machine, and ``_activation``, the states in which it activates the gripper.
+    A subclass sets ``_table``, its states; ``_activation``, those in which it activates the gripper; and ``_queue``.
     """
 
-    _machine: StateMachine
-    _queue: Queue
+    _table: ClassVar[Table]
     _activation: ClassVar[frozenset[State]]
+    _queue: Queue
     width_step_m = 0.0
     """Resolution of the reported width, m; 0: as fine as its numbers."""
 
     @property
     def activating(self) -> bool:
         """Whether an activation is queued or in progress; until it is over no motion is accepted."""
-        return self._machine.state in self._activation
+        return self._state in self._activation
 
     @property
     def force_sent_n(self) -> float | None:
@@ -235,7 +207,7 @@ class GripperSessionBase(ABC, Generic[Queue]):
             ValueError: The width or speed is out of the gripper's range, or a value is missing or not finite.
         """
         if permit.kind == "activate":
-            accepted = self._machine.handle(Event.ACTIVATE)
+            accepted = self._handle_event(Event.ACTIVATE)
             if accepted:
                 self._activate(now_ns)
             return accepted
@@ -247,13 +219,35 @@ class GripperSessionBase(ABC, Generic[Queue]):
         if not math.isfinite(force_n):
             raise ValueError(f"a force must be finite, got {force_n} N")
         if permit.kind == "set_force":
-            accepted = self._machine.handle(Event.SET_FORCE)
+            accepted = self._handle_event(Event.SET_FORCE)
             if accepted:
                 self._set_force(force_n)
             return accepted
         if permit.width_m is None:
             raise ValueError("a permit of kind 'move' must have a width")
         return self._move(permit.width_m, permit.speed_mps, force_n)
+
+    def _reset(self, state: State) -> None:
+        """Start again in a state: nothing waits, nothing was sent or reported."""
+        self._state = state
+        self._queue.reset()
+        self._reported: Event | None = None  # by the last reading that counts
+
+    def _accepts(self, event: Event) -> bool:
+        """Return whether the present state accepts an event."""
+        return event in self._table[self._state]
+
+    def _handle_event(self, event: Event) -> bool:
+        """Go to the state that follows; return False, and stay, if the present state refuses the event."""
+        accepted = self._accepts(event)
+        if accepted:
+            self._state = self._table[self._state][event]
+        return accepted
+
+    def _repeat_report(self) -> None:
+        """Handle the last report again, because an activation is over, or was dropped before it was sent."""
+        if self._reported is not None:
+            self._handle_event(self._reported)
 
     @abstractmethod
     def _activate(self, now_ns: int) -> None:

@@ -87,8 +87,8 @@ class TactileDecoder(FrameDecoder, ABC):
         for head in _HEADS.finditer(payload):
             packet_id, size = head[1][0], int.from_bytes(head[2], "little")
             content = payload[head.end(2) :][:size]
-            packet = encode(packet_id, content, self._seed)
-            if payload.startswith(packet, head.start()) and self._fits(packet_id, size, content):
+            is_whole = len(content) == size and self._fits(packet_id, size, content)
+            if is_whole and payload.startswith(encode(packet_id, content, self._seed), head.start()):
                 return True
         return False
 

@@ -164,7 +164,7 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
     @property
     def state(self) -> str:
         """State of the gripper, as a short text for people."""
-        state = self._machine.state
+        state = self._state
         if state in (State.CLOSED, State.WAITING):
             return self._startup.state
         if state is State.SILENT:
@@ -214,10 +214,10 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
             return request
         if self.activating and now_ns >= self._homing_until_ns:
             self._queue.give_up(f"no end of {HOME.name}")
-            self._machine.handle(Event.ACTIVATION_ENDED)
+            self._handle_event(Event.ACTIVATION_ENDED)
         command = self._queue.on_time(now_ns)
         self._follow_activation()
-        if self._machine.state in IN_PROGRESS:
+        if self._state in IN_PROGRESS:
             self._reported = None
         return request + command
 
@@ -227,7 +227,7 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
         self._homing_until_ns = now_ns + HOMING_NS
 
     def _halt(self) -> bool:
-        if not self._machine.handle(Event.HALT):
+        if not self._handle_event(Event.HALT):
             return False
         self._queue.stop()
         self._repeat_report()
@@ -244,7 +244,7 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
         else:
             self._queue.handle_motion_end(reply)
         if reply.id == wire.HOME and reply.status != wire.PENDING:
-            self._machine.handle(Event.ACTIVATION_ENDED)
+            self._handle_event(Event.ACTIVATION_ENDED)
 
     def _handle_limits(self, data: bytes) -> str:
         limits = wire.parse_limits(data)
@@ -265,9 +265,9 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
         referenced, fault = sample.active, sample.fault
         if self._startup.state == "running":
             self._fault, self._queue.width_m = fault, sample.width_m or 0.0
-            if self._machine.state not in IN_PROGRESS:
+            if self._state not in IN_PROGRESS:
                 self._reported = report_of(active=referenced, fault=fault)
-                self._machine.handle(self._reported)
+                self._handle_event(self._reported)
         sample.active = referenced and not self.activating
         sample.echo_ok = self._queue.echo_ok
         if not referenced:
@@ -281,7 +281,7 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
         if self._queue.due_ns is not None or self.activating:
             self._queue.give_up("no reply")
         self._fault, self._reported = "", None
-        self._machine.handle(Event.FELL_SILENT)
+        self._handle_event(Event.FELL_SILENT)
 
 
 DEVICE = Device(

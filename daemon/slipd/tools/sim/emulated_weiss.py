@@ -101,9 +101,9 @@ def encode_status(packet_id: int, status: int = 0) -> bytes:
     return encode(packet_id, status.to_bytes(2, "little"), SEED_WITH_PREAMBLE)
 
 
-def encode_module(matrix: wts.Matrix) -> bytes:
+def encode_module(cols: int, rows: int, full_scale: int = FULL_SCALE) -> bytes:
     """Return the answer about the matrix of a module."""
-    form = (matrix.cols, matrix.rows, _PITCH, _PITCH, matrix.full_scale)
+    form = (cols, rows, _PITCH, _PITCH, full_scale)
     return encode(wts.MATRIX, wts.MATRIX_FIELDS.pack(0, *form), SEED_WITH_PREAMBLE)
 
 
@@ -131,13 +131,13 @@ class WtsModule(WeissController):
 
     def __init__(self, seed: int, cols: int = 4, rows: int = 8) -> None:
         super().__init__(seed, cols * rows, WTS_SIZES, SEED_WITH_PREAMBLE)
-        self._matrix = wts.Matrix(cols, rows)
+        self._sides = cols, rows
 
     def _answer(self, request: Packet, t_ns: int) -> bytes:
         if request.id == wts.SYSTEM:
             return encode(wts.SYSTEM, wts.SYSTEM_FIELDS.pack(0, 1, 0, _WTS_FIRMWARE, WTS_SERIAL), SEED_WITH_PREAMBLE)
         if request.id == wts.MATRIX:
-            return encode_module(self._matrix)
+            return encode_module(*self._sides)
         if request.id == SINGLE:
             image = _IMAGE_HEAD.pack(self._time_ms(t_ns), 0) + self._cells().astype("<u2").tobytes()
             return encode(SINGLE, bytes(2) + image, SEED_WITH_PREAMBLE)
