@@ -43,15 +43,15 @@ def test_paxini_the_request_is_that_of_the_makers_program() -> None:
 CASES = {
     "anyskin: a published reading": (
         slipd_anyskin.Decoder,
-        Case(b"\r\n" + FRAME, [{"values": EFLESH_UT, "status": ("raw",)}], {"bad_bytes": 2}),
+        Case(b"\r\n" + FRAME, [{"values": EFLESH_UT, "status": ("raw",)}], {"bad_bytes": 2, "bad": 1}),
     ),
-    "anyskin: frames without an end between them": (
+    "anyskin: bytes that were lost": (
         slipd_anyskin.Decoder,
-        Case(3 * FRAME, [{"values": EFLESH_UT}] * 2, {"bad_bytes": 82}),
+        Case(FRAME + FRAME[16:] + 2 * FRAME, [{"values": EFLESH_UT}] * 3, {"bad_bytes": 66, "bad": 1}),
     ),
     "anyskin: values that no sensor has": (
         slipd_anyskin.Decoder,
-        Case(b"\r\n" + FRAME + WILD + FRAME, [{"values": EFLESH_UT}] * 2, {"bad_bytes": 84, "bad": 1}),
+        Case(b"\r\n" + FRAME + WILD + FRAME, [{"values": EFLESH_UT}] * 2, {"bad_bytes": 84, "bad": 2}),
     ),
     **{
         f"paxini: x and y are signed, z is not, and {len(end)} bytes follow": (

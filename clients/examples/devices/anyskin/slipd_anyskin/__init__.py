@@ -13,7 +13,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from slipd.devices import DecoderHealth, Device
+from slipd.devices import Device
+from slipd.devices.shared.frame_scanner import FixedLengthScanner, FrameDecoder
+from slipd.types.arrays import Array
 from slipd.types.samples import TactileSample
 
 MAGNETOMETERS = 5
@@ -23,10 +25,8 @@ _LARGEST = np.array((1e3, 3e5, 3e5, 3e5), dtype=np.float32)
 """Beyond what the 16-bit converter of a magnetometer can report, °C and µT."""
 
 
-class Decoder:
+class Decoder(FrameDecoder):
     """Decode frames into images of the field, shape (magnetometers, 3), µT.
-
-    A frame follows the end of the one before; after damage, two ends with one frame between them are needed.
 
     Args:
         magnetometers: Number of magnetometers on the board.
@@ -38,53 +38,25 @@ class Decoder:
     def __init__(self, magnetometers: int = MAGNETOMETERS) -> None:
         if not 1 <= magnetometers <= 16:
             raise ValueError(f"magnetometers must be from 1 to 16, got {magnetometers}")
-        self.health = DecoderHealth()
+        super().__init__()
         self._shape = (magnetometers, 4)
-        self._length = 16 * magnetometers + len(END)
-        self._buffer = b""  # begins with the end of the last frame
-        self._in_step = False  # that end is of a good frame
+        # a frame has no first byte of its own: every place is tried
+        self._frames = FixedLengthScanner(b"", 16 * magnetometers + len(END), self._is_frame, self.health)
 
     def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
         """Return the images that bytes received at ``t_ns`` complete."""
-        buffer, at = self._buffer + data, 0
-        samples = []
-        while (begin := buffer.find(END, at)) >= 0 and len(buffer) - begin >= len(END) + self._length:
-            self._skip(begin - at)
-            sample = self._sample(buffer[begin + len(END) : begin + len(END) + self._length], t_ns)
-            if sample is not None:
-                self._skip(0 if self._in_step else len(END))
-                samples.append(sample)
-                at = begin + self._length
-            elif self._in_step:
-                self.health.bad += 1
-                at = begin + len(END)
-            else:
-                self._skip(1)
-                at = begin + 1
-            self._in_step = sample is not None
-        rest = begin if begin >= 0 else max(at, len(buffer) - 1)
-        self._skip(rest - at)
-        self._buffer = buffer[rest:]
-        self.health.good += len(samples)
-        return samples
+        buffer, found = self._frames.receive(data)
+        self.health.good += len(found)
+        fields = (self._values(buffer, at)[:, 1:].astype(np.float64) for at, _ in found)
+        return [TactileSample(t_ns, None, field_ut, ("raw",)) for field_ut in fields]
 
-    def forget(self) -> None:
-        """Discard an incomplete frame: the line was closed."""
-        self._skip(len(self._buffer) - (len(END) if self._in_step else 0))
-        self._buffer, self._in_step = b"", False
+    def _is_frame(self, buffer: bytes, at: int) -> bool:
+        ends = buffer.startswith(END, at + 16 * self._shape[0])
+        return ends and bool(np.all(np.abs(self._values(buffer, at)) <= _LARGEST))
 
-    def _sample(self, frame: bytes, t_ns: int) -> TactileSample | None:
-        """Return the image of a frame; None if it cannot be one."""
-        if not frame.endswith(END):
-            return None
-        values = np.frombuffer(frame, "<f4", 4 * self._shape[0]).reshape(self._shape)
-        if not np.all(np.abs(values) <= _LARGEST):
-            return None
-        return TactileSample(t_ns, None, values[:, 1:].astype(np.float64), ("raw",))
-
-    def _skip(self, count: int) -> None:
-        """Count bytes that belong to no frame."""
-        self.health.bad_bytes += count
+    def _values(self, buffer: bytes, at: int) -> Array:
+        """Return temperature and field of each magnetometer in the frame that begins at ``at``."""
+        return np.frombuffer(buffer, "<f4", 4 * self._shape[0], at).reshape(self._shape)
 
 
 def encode_frame(field_ut: np.typing.ArrayLike, temperature_c: float = 25.0) -> bytes:
