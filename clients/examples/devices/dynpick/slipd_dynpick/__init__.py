@@ -10,7 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from slipd.devices import DecoderHealth, Device
+from slipd.devices import Device
+from slipd.devices.shared.frame_scanner import FixedLengthScanner, FrameDecoder
 from slipd.devices.shared.sensor_session import PolledSession
 from slipd.types.samples import WrenchSample
 
@@ -21,12 +22,12 @@ SENSITIVITY = (32.765, 32.765, 32.765, 1639.0, 1639.0, 1639.0)
 REPLY_TIMEOUT_NS = 50_000_000
 """A reply takes a millisecond; a poll without a reply for this long was lost."""
 
-_REPLY = re.compile(rb"[0-9]([0-9A-Fa-f]{24})\r\n")
+_REPLY = re.compile(rb"[0-9][0-9A-Fa-f]{24}\r\n")
 _FULL_SCALE = (0, (1 << 14) - 1)
 """Ends of the converter's range; a force beyond the range reads as one of them."""
 
 
-class Decoder:
+class Decoder(FrameDecoder):
     """Decode every reply into a wrench sample. The meaning of the counter digit is unpublished: `health.lost` stays 0.
 
     Args:
@@ -39,42 +40,26 @@ class Decoder:
     def __init__(self, sensitivity: Sequence[float] = SENSITIVITY) -> None:
         if len(sensitivity) != 6 or min(sensitivity) <= 0.0:
             raise ValueError(f"sensitivity must be six positive numbers, got {sensitivity}")
-        self.health = DecoderHealth()
+        super().__init__()
         self._sensitivity = np.array(sensitivity)
-        self._tail = b""
-        self._in_step = True
+        # a reply has no first byte of its own: every place is tried
+        self._frames = FixedLengthScanner(b"", REPLY_LENGTH, _is_reply, self.health)
 
     def receive(self, data: bytes, t_ns: int) -> list[WrenchSample]:
         """Return the readings that bytes received at ``t_ns`` complete, in the sensor frame."""
-        buffer = self._tail + data
-        samples, done = [], 0
-        for reply in _REPLY.finditer(buffer):
-            self._skip(reply.start() - done)
-            self._in_step = True
-            samples.append(self._sample(reply[1], t_ns))
-            done = reply.end()
-        keep = max(done, len(buffer) - REPLY_LENGTH + 1)
-        self._skip(keep - done)
-        self._tail = buffer[keep:]
-        self.health.good += len(samples)
-        return samples
+        buffer, found = self._frames.receive(data)
+        self.health.good += len(found)
+        return [self._sample(buffer[at : at + REPLY_LENGTH], t_ns) for at, _ in found]
 
-    def forget(self) -> None:
-        """Discard an incomplete reply: the line was closed."""
-        self._skip(len(self._tail))
-        self._tail = b""
-
-    def _sample(self, digits: bytes, t_ns: int) -> WrenchSample:
-        counts = [int(digits[at : at + 4], 16) for at in range(0, len(digits), 4)]
+    def _sample(self, reply: bytes, t_ns: int) -> WrenchSample:
+        counts = [int(reply[at : at + 4], 16) for at in range(1, 25, 4)]
         status = ("overload",) if any(not _FULL_SCALE[0] < count < _FULL_SCALE[1] for count in counts) else ()
         values = ((np.array(counts) - ZERO) / self._sensitivity).tolist()
         return WrenchSample(t_ns, None, values[:3], values[3:], status)
 
-    def _skip(self, count: int) -> None:
-        if count:
-            self.health.bad_bytes += count
-            self.health.bad += self._in_step
-            self._in_step = False
+
+def _is_reply(buffer: bytes, at: int) -> bool:
+    return _REPLY.match(buffer, at) is not None
 
 
 class Session(PolledSession[Decoder]):
