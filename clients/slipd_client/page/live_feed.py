@@ -29,19 +29,17 @@ CHANGES = 200
 
 
 class _Shown(NamedTuple):
-    """A message as browsers get it.
+    """A message for browsers.
 
     Attributes:
         tick: When it arrived, in ticks.
         at_s: The same in seconds of the caller's clock.
-        seq: Its number.
-        text: Its map as JSON.
+        raw: Its map.
     """
 
     tick: int
     at_s: float
-    seq: int
-    text: str
+    raw: dict[str, Any]
 
 
 class Newest:
@@ -57,7 +55,7 @@ class Newest:
         self.bad_reason = ""
         self._boot = ""
         self._shown: dict[bytes, _Shown] = {}
-        self._changes: deque[tuple[int, str]] = deque(maxlen=CHANGES)
+        self._changes: deque[tuple[int, dict[str, Any]]] = deque(maxlen=CHANGES)
 
     def add(self, messages: list[list[bytes]], now_s: float) -> bool:
         """Add what has arrived since the last tick, and begin a tick where anything has; return whether it has.
@@ -75,7 +73,7 @@ class Newest:
         for frames in messages:
             if frames[0] == WARNING_TOPIC.encode():
                 if raw := self._read(frames):
-                    self._changes.append((self.tick, _json(raw)))
+                    self._changes.append((self.tick, raw))
             else:
                 newest.pop(frames[0], None)  # so that they stay in the order of their arrival
                 newest[frames[0]] = frames
@@ -92,12 +90,14 @@ class Newest:
 
         Each topic is sent with the age of its message, s: it may have arrived long before this browser.
         """
-        new = {json.dumps(topic.decode()): shown for topic, shown in self._shown.items() if shown.tick > since}
-        topics = ",".join(f"{name}:{shown.text}" for name, shown in new.items())
-        ages = ",".join(f"{name}:{max(now_s - shown.at_s, 0.0):.3f}" for name, shown in new.items())
-        changes = ",".join(text for tick, text in self._changes if tick > since)
-        bad = json.dumps(self.bad_reason)
-        return f'{{"topics":{{{topics}}},"ages":{{{ages}}},"changes":[{changes}],"bad":{bad}}}'
+        new = {topic.decode(): shown for topic, shown in self._shown.items() if shown.tick > since}
+        frame = {
+            "topics": {topic: shown.raw for topic, shown in new.items()},
+            "ages": {topic: round(max(now_s - shown.at_s, 0.0), 3) for topic, shown in new.items()},
+            "changes": [raw for tick, raw in self._changes if tick > since],
+            "bad": self.bad_reason,
+        }
+        return json.dumps(frame, separators=(",", ":"), default=bytes.hex)
 
     def _show(self, topic: bytes, raw: dict[str, Any] | None, now_s: float) -> None:
         """Keep a message; one that repeats an earlier one, as after a reconnection, changes nothing."""
@@ -108,8 +108,8 @@ class Newest:
             self._boot = raw["boot"]
             self._shown.clear()
         before = self._shown.get(topic)
-        if before is None or raw["seq"] > before.seq:
-            self._shown[topic] = _Shown(self.tick, now_s, raw["seq"], _json(raw))
+        if before is None or raw["seq"] > before.raw["seq"]:
+            self._shown[topic] = _Shown(self.tick, now_s, raw)
 
     def _read(self, frames: list[bytes]) -> dict[str, Any] | None:
         try:
@@ -117,10 +117,6 @@ class Newest:
         except MessageError as error:
             self.bad_reason = str(error)
             return None
-
-
-def _json(raw: dict[str, Any]) -> str:
-    return json.dumps(raw, separators=(",", ":"), default=bytes.hex)
 
 
 TOPICS = (b"slip", b"tactile", b"warning", b"grasp", b"motion", b"gripper", b"status")
