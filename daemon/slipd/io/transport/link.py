@@ -171,13 +171,10 @@ class Link:
                 # a device that opens, sends something and dies at once keeps its growing pause
                 if time.monotonic() - opened_s >= STEADY_S:
                     self._delay_s = FIRST_DELAY_S
-            await self._close(connection)
-
-    async def _close(self, connection: Connection) -> None:
-        try:
-            await connection.close()
-        except Exception as error:
-            self._log(logging.WARNING, f"closing failed: {type(error).__name__}: {error}")
+            try:
+                await connection.close()
+            except Exception as error:
+                self._log_once(logging.WARNING, f"closing failed: {type(error).__name__}: {error}")
 
     def _deliver(self, data: bytes) -> None:
         self._pieces += 1
@@ -192,10 +189,7 @@ class Link:
     def _log_once(self, level: int, line: str, **fields: str) -> None:
         if line not in self._logged:
             self._logged.append(line)
-            self._log(level, line, **fields)
-
-    def _log(self, level: int, line: str, **fields: str) -> None:
-        _log.log(level, "%s: %s", self._spec.name, line, extra={"slipd_stream": self._spec.name} | fields)
+            _log.log(level, "%s: %s", self._spec.name, line, extra={"slipd_stream": self._spec.name} | fields)
 
 
 async def inquire(address: str, inquiry: Inquiry) -> bytes:

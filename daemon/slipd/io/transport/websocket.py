@@ -163,7 +163,7 @@ class WebsocketConnection(FileConnection):
             super().write(b"".join(answers))
 
     def _deliver_piece(self) -> None:
-        """Deliver the next piece of a message; read again once nothing is left."""
+        """Deliver the next piece of a message; read no more until nothing is left."""
         piece, self._undelivered = self._undelivered[:PIECE_BYTES], self._undelivered[PIECE_BYTES:]
         if piece:
             self.deliver(piece)
@@ -171,13 +171,16 @@ class WebsocketConnection(FileConnection):
             return
         if self._undelivered:
             self._stop_reading()
-            self._next_piece = self._loop.call_soon(self._deliver_piece)
+            self._next_piece = self._loop.call_soon(self._go_on)
         elif self._protocol.close_rcvd is not None:
             self._fail(f"the server closed it: {self._protocol.close_rcvd}")
         elif self._protocol.parser_exc is not None:
             self._fail(f"the server violates the protocol: {self._protocol.parser_exc}")
-        else:
-            self._start_reading()
+
+    def _go_on(self) -> None:
+        """Deliver the next piece; read again, unless another follows it."""
+        self._start_reading()
+        self._deliver_piece()
 
     def _check_alive(self) -> None:
         """Ping a silent server, and end the connection if it does not answer.

@@ -222,13 +222,6 @@ class Connection:
             self.unsent += self._seal((pong,), COMMAND)
         return Event.COMMAND
 
-    def _subscribe(self, prefix: bytes) -> list[bytes]:
-        """Return a subscription as the message that it was before ZMTP 3.1."""
-        return [b"\x01" + prefix]
-
-    def _cancel(self, prefix: bytes) -> list[bytes]:
-        return [b"\x00" + prefix]
-
     def _fail(self, _: bytes) -> Event:
         raise ProtocolError("the peer reports an error")
 
@@ -241,11 +234,12 @@ class Connection:
         (State.OPEN, MORE): (_part, State.OPEN),
         (State.OPEN, 0): (_message, State.OPEN),
         (State.OPEN, b"PING"): (_ping, State.OPEN),
-        (State.OPEN, b"SUBSCRIBE"): (_subscribe, State.OPEN),
-        (State.OPEN, b"CANCEL"): (_cancel, State.OPEN),
+        (State.OPEN, b"SUBSCRIBE"): (lambda _, prefix: [b"\x01" + prefix], State.OPEN),
+        (State.OPEN, b"CANCEL"): (lambda _, prefix: [b"\x00" + prefix], State.OPEN),
         (State.OPEN, b"ERROR"): (_fail, State.CLOSED),
     }
     """State, and name of a command or flag of another frame → what handles it, and the next state.
 
     The greeting comes before. Nothing else is allowed before the connection is open; then other commands are ignored.
+    SUBSCRIBE and CANCEL are passed on as the messages that they were before ZMTP 3.1.
     """

@@ -68,21 +68,30 @@ def bind(endpoint: str, access: Access = USER_ALONE) -> tuple[socket.socket, str
     _check(endpoint, access)
     server = socket.socket(socket.AF_INET if is_tcp(endpoint) else socket.AF_UNIX, socket.SOCK_STREAM)
     try:
-        reached = _bind_tcp(server, endpoint) if is_tcp(endpoint) else _bind_path(server, endpoint)
+        if is_tcp(endpoint):
+            server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            server.bind(_host_and_port(endpoint))
+            address, number = server.getsockname()
+            endpoint = f"tcp://{address}:{number}"
+        else:
+            path = _path_of(endpoint)
+            path.unlink(missing_ok=True)  # `_check` found no server there
+            server.bind(str(path))
+            path.chmod(0o700)  # nobody can connect before this: it does not listen yet
         server.listen(BACKLOG)
     except (OSError, ValueError, OverflowError) as error:
         server.close()
         reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
         raise LinkError(f"{endpoint}: cannot be bound: {reason}; name another endpoint, or free this one") from error
     server.setblocking(False)
-    return server, reached
+    return server, endpoint
 
 
 def release(server: socket.socket, endpoint: str) -> None:
     """Close a listening socket and remove its file."""
     server.close()
     if not is_tcp(endpoint):
-        Path(os.fsdecode(_path_of(endpoint))).unlink(missing_ok=True)
+        _path_of(endpoint).unlink(missing_ok=True)
 
 
 def check_free(endpoint: str, access: Access = USER_ALONE) -> None:
@@ -130,7 +139,9 @@ async def greets(endpoint: str, patience_s: float) -> bool:
         visitor.setblocking(False)
         try:
             async with asyncio.timeout(patience_s):
-                await loop.sock_connect(visitor, _host_and_port(endpoint) if is_tcp(endpoint) else _path_of(endpoint))
+                await loop.sock_connect(
+                    visitor, _host_and_port(endpoint) if is_tcp(endpoint) else str(_path_of(endpoint))
+                )
                 await loop.sock_recv(visitor, 1)
         except ConnectionError:  # it was ended, which also takes a turn of the loop
             return True
@@ -144,23 +155,8 @@ def _host_and_port(endpoint: str) -> tuple[str, int]:
     return "" if host == "*" else host, 0 if port == _ANY_PORT else int(port)
 
 
-def _path_of(endpoint: str) -> bytes:
-    return os.fsencode(endpoint.partition("://")[2])
-
-
-def _bind_tcp(server: socket.socket, endpoint: str) -> str:
-    server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    server.bind(_host_and_port(endpoint))
-    address, number = server.getsockname()
-    return f"tcp://{address}:{number}"
-
-
-def _bind_path(server: socket.socket, endpoint: str) -> str:
-    path = _path_of(endpoint)
-    Path(os.fsdecode(path)).unlink(missing_ok=True)  # `_check` found no server there
-    server.bind(path)
-    os.chmod(path, 0o700)  # noqa: PTH101 - bytes. Nobody can connect before: it does not listen yet
-    return endpoint
+def _path_of(endpoint: str) -> Path:
+    return Path(endpoint.partition("://")[2])
 
 
 def _check(endpoint: str, access: Access) -> None:
@@ -174,16 +170,14 @@ def _check(endpoint: str, access: Access) -> None:
         )
 
 
-def _check_path(endpoint: str, path: bytes) -> None:
-    if not path.startswith(b"/"):
+def _check_path(endpoint: str, path: Path) -> None:
+    if not path.is_absolute():
         scheme = endpoint.partition("://")[0]
         raise LinkError(f"{endpoint}: its path must be absolute, such as {scheme}:///run/slipd/name")
-    if len(path) > MAX_IPC_PATH_BYTES:
-        raise LinkError(
-            f"{endpoint}: the path of a socket must have at most {MAX_IPC_PATH_BYTES} bytes, got {len(path)}"
-        )
-    _check_directory(endpoint, Path(os.fsdecode(path)).parent)
-    if os.path.lexists(path) and not stat.S_ISSOCK(os.lstat(path).st_mode):
+    if (size := len(os.fsencode(path))) > MAX_IPC_PATH_BYTES:
+        raise LinkError(f"{endpoint}: the path of a socket must have at most {MAX_IPC_PATH_BYTES} bytes, got {size}")
+    _check_directory(endpoint, path.parent)
+    if os.path.lexists(path) and not stat.S_ISSOCK(path.lstat().st_mode):
         raise LinkError(f"{endpoint}: this file is not a socket, and binding would delete it; name another path")
     if _is_served(path):
         raise LinkError(
@@ -208,11 +202,11 @@ def _check_directory(endpoint: str, directory: Path) -> None:
         raise LinkError(f"{endpoint}: other users may change its directory (mode {mode:04o}); run chmod go-w on it")
 
 
-def _is_served(path: bytes) -> bool:
+def _is_served(path: Path) -> bool:
     """Return whether a server listens; it may have no room for another connection just now."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as visitor:
         visitor.setblocking(False)
-        return visitor.connect_ex(path) in (0, errno.EAGAIN)
+        return visitor.connect_ex(str(path)) in (0, errno.EAGAIN)
 
 
 def _check_tcp(endpoint: str, host: str, access: Access) -> None:

@@ -217,13 +217,11 @@ class Peer:
 
     def _run(self) -> None:
         """Read and handle frames while the account has time; then other tasks of the loop run."""
-        if self.closed:
-            return
         begin_s = time.monotonic()
         account = self.account
         if not account.has_time(begin_s):
             self._loop.remove_reader(self.fileno)
-            account.wait(self._run)
+            account.wait(self._go_on)
             return
         was_done, self._done = self._done, False
         try:
@@ -235,11 +233,15 @@ class Peer:
             self.close(str(error))
         finally:
             account.charge(time.monotonic() - begin_s)
-            if not self.closed and self._done:
-                self._loop.add_reader(self.fileno, self._run)
-            elif not self.closed:
+            if not self.closed and not self._done:
                 self._loop.remove_reader(self.fileno)
-                self._loop.call_soon(self._run)
+                self._loop.call_soon(self._go_on)
+
+    def _go_on(self) -> None:
+        """Listen again, and handle what is left."""
+        if not self.closed:
+            self._loop.add_reader(self.fileno, self._run)
+            self._run()
 
     def _receive(self) -> None:
         try:
