@@ -6,7 +6,9 @@ check can find. Type, range and default come from its annotation, the unit from 
 
 from __future__ import annotations
 
+import inspect
 import json
+import re
 import sys
 import types
 from collections.abc import Iterable, Iterator
@@ -21,7 +23,7 @@ from wire_tables import table
 from slipd.config import Finger, Stream
 from slipd.config.model import TABLES
 from slipd.config.value_bounds import Bounds, unit_quaternion
-from slipd.tools.devices_command import section_of, sentence, summary_of
+from slipd.tools.devices_command import in_words, section_of, sentence
 
 HEAD = """\
 # Config
@@ -72,7 +74,8 @@ def _section(title: str, model: type[BaseModel], below: Iterable[tuple[str, type
 
 def _about(model: type[BaseModel]) -> str:
     also = " It also has the [keys of every device](#keys-of-every-device)." if Stream in model.__mro__[1:] else ""
-    return f"{summary_of(model)}{also}"
+    first = (inspect.getdoc(model) or "").partition("\n\n")[0]
+    return in_words(re.sub(r"^``\[?[\w.]+\]?``[:.]? ?", "", first)) + also
 
 
 def _rows(model: type[BaseModel]) -> Iterator[tuple[str, ...]]:

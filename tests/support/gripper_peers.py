@@ -25,7 +25,7 @@ from slipd.devices.wsg import Session as WsgSession
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.tools.sim import emulated_robotiq_2f as robotiq_sim
 from slipd.tools.sim import emulated_wsg as wsg_sim
-from slipd.tools.sim.emulated_external import DRIVER, Driver, encode_registration, encode_report
+from slipd.tools.sim.emulated_external import DRIVER, Driver, encode_driver_message
 from slipd.tools.sim.emulated_robotiq_2f import FORCE_TABLE, GripperLine
 
 
@@ -262,13 +262,16 @@ class ExternalPeer(Peer):
         return [SentCommand(body["op"], body.get("width_m"), body.get("force_n")) for body in self.messages(data)]
 
     def refuse(self, data: bytes) -> list[bytes]:
-        return [encode_report(replace(self.driver.report, id=body["id"], error="no")) for body in self.messages(data)]
+        return [
+            encode_driver_message(replace(self.driver.report, id=body["id"], error="no"))
+            for body in self.messages(data)
+        ]
 
     def disturb(self) -> list[bytes]:
         change = self.rng.choice(({"fault": "no_power"}, {"fault": ""}, {"active": False}, {"active": True}))
         self.driver.report = replace(self.driver.report, **change)
         name = self.rng.choice((DRIVER.name, DRIVER.name, "stranger", ""))
-        return [encode_registration(replace(DRIVER, name=name))] if name and self.rng.random() < 0.4 else []
+        return [encode_driver_message(replace(DRIVER, name=name))] if name and self.rng.random() < 0.4 else []
 
     def put(self, part_m: float) -> None:
         super().put(part_m)

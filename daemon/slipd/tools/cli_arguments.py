@@ -1,10 +1,10 @@
-"""What describes a command of ``slipd``, the kinds of arguments, and the recordings that they name."""
+"""What describes a command of ``slipd``, the kinds of arguments, the recordings that they name, and printed tables."""
 
 from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -148,3 +148,10 @@ def chosen(paths: Iterable[Path], share: tuple[int, int] = EVERY) -> list[Path]:
         found |= dict.fromkeys(inside)
     number, of = share
     return list(found)[number - 1 :: of]
+
+
+def aligned(rows: Sequence[Sequence[str]], right: Collection[int] = ()) -> list[str]:
+    """Return the lines of a table; columns with these numbers end at one place, the others begin at one."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    sides = [">" if number in right else "<" for number in range(len(widths))]
+    return ["  ".join(map("{:{}{}}".format, row, sides, widths)).rstrip() for row in rows]

@@ -11,6 +11,7 @@ from typing import Any
 
 from slipd.devices import EVIDENCE, Device, Installed, find_device, installed
 from slipd.errors import UsageError, one_line
+from slipd.tools.cli_arguments import aligned
 
 TITLES = ("device", "kind", "line", "package", "evidence")
 _ENTRY = re.compile(r"^    (\w+): ", re.MULTILINE)
@@ -49,10 +50,8 @@ def print_devices(name: str | None, *, as_json: bool) -> None:
         faults = [{"device": one_line(each.name), "fault": one_line(each.fault)} for each in faulty]
         print(json.dumps([*map(_summary, usable), *faults], ensure_ascii=False))
         return
-    rows = [TITLES, *(tuple(_summary(each).values())[: len(TITLES)] for each in usable)]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+    for line in aligned([TITLES, *(tuple(_summary(each).values()) for each in usable)]):
+        print(line)
     for each in faulty:
         print(f"{one_line(each.name)} of {_package(each)} cannot be used: {one_line(each.fault)}")
 
@@ -114,18 +113,12 @@ def _default(parameter: Parameter) -> str:
     return f"`{json.dumps(parameter.default)}`"
 
 
-def summary_of(documented: Any) -> str:
-    """Return what a class is: its first paragraph, without the name of the table."""
-    first = (inspect.getdoc(documented) or "").partition("\n\n")[0]
-    return _markdown(re.sub(r"^``\[?[\w.]+\]?``[:.]? ?", "", first))
-
-
 def section_of(documented: Any, title: str) -> dict[str, str]:
     """Return the texts of the section "Args" or "Attributes" by name."""
     _, _, rest = (inspect.getdoc(documented) or "").partition(f"{title}:\n")
     body = re.split(r"^\S", rest, maxsplit=1, flags=re.MULTILINE)[0]
     _, *parts = _ENTRY.split(body)
-    return {name: _markdown(text) for name, text in zip(parts[::2], parts[1::2], strict=True)}
+    return {name: in_words(text) for name, text in zip(parts[::2], parts[1::2], strict=True)}
 
 
 def sentence(text: str) -> str:
@@ -133,7 +126,7 @@ def sentence(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _markdown(text: str) -> str:
+def in_words(text: str) -> str:
     """Return a text on one line, with the words of a config for those of Python."""
     line = " ".join(text.split()).replace("``", "`").replace("|", "\\|")
     line = re.sub(r"(^|\. )None\b", r"\1Left out", line)

@@ -16,7 +16,7 @@ from typing import Any
 
 from slipd.errors import printable
 from slipd.io.progress import Progress
-from slipd.tools.cli_arguments import chosen
+from slipd.tools.cli_arguments import aligned, chosen
 from slipd.tools.evaluation.config_run import RECORDED, ConfigRun, joined
 from slipd.tools.evaluation.evaluate import (
     Evaluation,
@@ -55,18 +55,12 @@ _HEAD = (
     "alarms name",
 )
 _LEFT = {"recording", "config", "slipping at", "unknown because", "alarms name"}
+_RIGHT = {number for number, name in enumerate(_HEAD) if name not in _LEFT}
 
 
-def table(evaluations: Sequence[Evaluation]) -> Iterator[str]:
-    """Yield the lines of the table: one for each recording and config, times in s of the worse finger."""
-    rows = [_HEAD, *(row for one in evaluations for row in _rows(one))]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        cells = [
-            cell.ljust(width) if name in _LEFT else cell.rjust(width)
-            for name, cell, width in zip(_HEAD, row, widths, strict=True)
-        ]
-        yield "  ".join(cells).rstrip()
+def table(evaluations: Sequence[Evaluation]) -> list[str]:
+    """Return the lines of the table: one for each recording and config, times in s of the worse finger."""
+    return aligned([_HEAD, *(row for one in evaluations for row in _rows(one))], _RIGHT)
 
 
 def comparisons(evaluations: Sequence[Evaluation]) -> Iterator[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import msgpack
@@ -82,7 +82,7 @@ class Pusher(EmulatedDevice):
 
     def advance(self, t_ns: int) -> list[bytes]:
         """Advance to ``t_ns`` and return the messages due by then, in the order of their times."""
-        readings = [(t, name, values) for name, stream in self._streams.items() for t, values in stream.due(t_ns)]
+        readings = [(t, name, stream.reading()) for name, stream in self._streams.items() for t in stream.times(t_ns)]
         return [self._message(*reading) for reading in sorted(readings, key=lambda reading: reading[0])]
 
     def _message(self, taken_ns: int, stream: str, values: Array) -> bytes:
@@ -99,44 +99,20 @@ SPEED_MPS = 0.1
 PART_M, STARTS_AT_M = 0.04, 0.08
 
 
-def encode_registration(registration: Registration) -> bytes:
-    """Return the registration of a driver.
-
-    Args:
-        registration: Name (letters, digits, spaces and ``_./-``; the connection keeps it), and smallest and largest
-            width between the pads, m, force on one pad, N, and speed, m/s (None if the speed cannot be set).
-
-    Raises:
-        ValueError: The daemon would reject it.
-    """
-    body: dict[str, Any] = {"v": wire.VERSION, "name": registration.name}
-    body |= {"width_range_m": registration.width_range_m, "force_range_n": registration.force_range_n}
-    if registration.speed_range_mps is not None:
-        body["speed_range_mps"] = registration.speed_range_mps
-    return _checked(body)
+_LEFT_OUT = {"speed_range_mps": None, "id": None, "error": ""}
+"""Keys that a message has only with another value."""
 
 
-def encode_report(report: Report) -> bytes:
-    """Return a report of a driver, or its answer to a set-point.
+def encode_driver_message(message: Registration | Report) -> bytes:
+    """Return the registration of a driver, or its report, which may be the answer to a set-point.
 
     Raises:
         ValueError: The daemon would reject it.
     """
-    body: dict[str, Any] = {
-        "v": wire.VERSION,
-        "width_m": report.width_m,
-        "active": report.active,
-        "moving": report.moving,
-    }
-    body |= {"object": report.object, "fault": report.fault, "force_n": report.force_n}
-    if report.id is not None:
-        body |= {"id": report.id, "applied_n": report.applied_n}
-    if report.error:
-        body["error"] = report.error
-    return _checked(body)
-
-
-def _checked(body: dict[str, Any]) -> bytes:
+    body: dict[str, Any] = {"v": wire.VERSION} | asdict(message)
+    if body.get("id") is None:
+        body.pop("applied_n", None)
+    body = {key: value for key, value in body.items() if key not in _LEFT_OUT or value != _LEFT_OUT[key]}
     data: bytes = msgpack.packb(body)
     if wire.measure(data, 0) != len(data) or wire.parse(data) is None:
         raise ValueError(f"a driver's message must have finite numbers within their bounds, got {body}")
@@ -201,10 +177,10 @@ class Driver(EmulatedDevice):
     def advance(self, t_ns: int) -> list[bytes]:
         """Advance to ``t_ns`` and return the reports due by then."""
         self._move(t_ns)
-        output = [encode_registration(DRIVER)] if self._registers else []
+        output = [encode_driver_message(DRIVER)] if self._registers else []
         self._registers = False
         while self._next_ns <= t_ns:
-            output.append(encode_report(self.report))
+            output.append(encode_driver_message(self.report))
             self._next_ns += round(1e9 / REPORTS_HZ)
         return output
 
@@ -220,7 +196,7 @@ class Driver(EmulatedDevice):
             self.obeyed.append(body)
             self._carry_out(body)
         applied_n = self.force_n * (1.0 + self.excess) if "force_n" in body else None
-        return [encode_report(replace(self.report, id=body["id"], applied_n=applied_n))]
+        return [encode_driver_message(replace(self.report, id=body["id"], applied_n=applied_n))]
 
     def _carry_out(self, body: dict[str, Any]) -> None:
         self.force_n = body.get("force_n", self.force_n)

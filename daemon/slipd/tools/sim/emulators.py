@@ -202,11 +202,6 @@ class ReadingStream(Timer):
         else:
             self._of_sensor[sensor] = values
 
-    def due(self, t_ns: int) -> Iterator[tuple[int, Array]]:
-        """Yield the time of each reading due by ``t_ns``, and the reading."""
-        for taken_ns in self.times(t_ns):
-            yield taken_ns, self.reading()
-
     def reading(self, sensor: str = "") -> Array:
         """Return a reading of the present load on one sensor with new noise."""
         return self._of_sensor.get(sensor, self._ideal) + self.next_noise()

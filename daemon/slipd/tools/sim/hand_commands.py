@@ -36,6 +36,7 @@ ROUNDING_M = 1e-4
 """A place may be this far beyond the edge of a pad: pages and people round."""
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_NUMBER_WITH_UNIT = re.compile(rf"(?<!\S)({_NUMBER})([A-Za-z·]+)(?!\S)")
 _AXES = {"+x": (1.0, 0.0), "-x": (-1.0, 0.0), "+y": (0.0, 1.0), "-y": (0.0, -1.0)}
 _PLACE, _FORCES, _GRAVITY, _TURN = ("X", "Y", "Z"), ("FX", "FY"), ("GX", "GY", "GZ"), ("WX", "WY", "WZ")
 _BOUNDS = {
@@ -132,7 +133,7 @@ def parse_command(line: str, fingers: Fingers) -> Command | None:
     Raises:
         CommandError: The line is not a command.
     """
-    words = line.partition("#")[0].split()
+    words = _NUMBER_WITH_UNIT.sub(r"\1 \2", line.partition("#")[0]).split()
     if not words:
         return None
     if words[0] not in _FORMS:
@@ -175,7 +176,7 @@ class _Words:
     """The words of one command, read from left to right."""
 
     def __init__(self, words: list[str], fingers: Fingers) -> None:
-        self.verb, self._rest, self._fingers = words[0], _split_units(words[1:]), fingers
+        self.verb, self._rest, self._fingers = words[0], words[1:], fingers
 
     @property
     def next(self) -> str:
@@ -235,15 +236,6 @@ class _Words:
     def error(self, rule: str) -> CommandError:
         usage = next(line for line in HELP.splitlines() if line.startswith(self.verb))
         return CommandError(f"{self.verb}: {rule}, got {self.next!r:.40}; usage: {re.split(r'  +', usage)[0]}")
-
-
-def _split_units(words: list[str]) -> list[str]:
-    """Return the words with a unit split from its number: ``5N`` is ``5 N``."""
-    found: list[str] = []
-    for word in words:
-        match = re.fullmatch(rf"({_NUMBER})([A-Za-z·]+)", word)
-        found += match.groups() if match else [word]
-    return found
 
 
 SOCKET = "hand"

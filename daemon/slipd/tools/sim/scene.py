@@ -16,6 +16,7 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.optimize import bisect
 
 from slipd.tools.sim.bristle_kernels import Body
 from slipd.tools.sim.emulators import moved_jaws
@@ -256,21 +257,15 @@ class Scene:
         return self._limit.need_n((load[0] / 2, load[1] / 2, load[2] / 2), self.friction.mu_s)
 
     def _rotation_begin_s(self, normal_n: float) -> float | None:
-        """Return when the poured load alone would reach the limit at this grip force, None if never.
+        """Return when the poured load alone, which grows, would reach the limit at this grip force; None if never."""
 
-        The load only grows: bisection.
-        """
+        def lacking_n(t_s: float) -> float:
+            return self._need_n(self.script.weight(t_s, self.mass_kg)) - normal_n
 
-        def holds(t_s: float) -> bool:
-            return self._need_n(self.script.weight(t_s, self.mass_kg)) <= normal_n
-
-        low_s, high_s = self.script.pour_s, self.script.pour_until_s
-        if holds(high_s):
+        begin_s, end_s = self.script.pour_s, self.script.pour_until_s
+        if lacking_n(end_s) <= 0.0:
             return None
-        while high_s - low_s > FORECAST_S:
-            middle_s = (low_s + high_s) / 2
-            low_s, high_s = (middle_s, high_s) if holds(middle_s) else (low_s, middle_s)
-        return high_s
+        return begin_s if lacking_n(begin_s) > 0.0 else float(bisect(lacking_n, begin_s, end_s, xtol=FORECAST_S))
 
     def _numbers(self) -> dict[str, float | None]:
         return {

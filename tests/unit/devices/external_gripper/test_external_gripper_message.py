@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from slipd.devices.external_gripper import external_gripper_message as wire
 from slipd.devices.external_gripper.external_gripper_message import Foreign, Registration, Report, measure, parse
-from slipd.tools.sim.emulated_external import encode_registration, encode_report
+from slipd.tools.sim.emulated_external import encode_driver_message
 
 DRIVER = Registration("lab driver", (0.0, 0.1), (2.0, 60.0), (0.01, 0.2))
 REGISTRATION: dict[str, Any] = {"v": 1, "name": "lab driver", "width_range_m": [0, 0.1], "force_range_n": [2, 60]}
@@ -56,17 +56,17 @@ def test_a_registration_and_a_report_are_as_documented() -> None:
 
 @given(reports)
 def test_encoded_messages_are_parsed(report: Report) -> None:
-    data = encode_report(report)
+    data = encode_driver_message(report)
     assert len(data) <= wire.MAX_MESSAGE
     assert parse(data) == report
-    assert parse(encode_registration(DRIVER)) == DRIVER
+    assert parse(encode_driver_message(DRIVER)) == DRIVER
 
 
 def test_every_part_of_a_message_is_incomplete_and_following_bytes_do_not_matter() -> None:
     for data in (
-        encode_report(EVERYTHING),
-        encode_registration(DRIVER),
-        encode_report(Report(0.1, fault="f" * 100)),
+        encode_driver_message(EVERYTHING),
+        encode_driver_message(DRIVER),
+        encode_driver_message(Report(0.1, fault="f" * 100)),
         msgpack.packb(REPORT | {"id": 2**40, "force_n": -(2**40)}),
     ):
         assert [measure(data[:size], 0) for size in range(1, len(data))] == [0] * (len(data) - 1)
@@ -149,11 +149,11 @@ def test_L3_noise_is_seldom_even_a_beginning() -> None:
     ("encode", "wrong"),
     [
         *(
-            (encode_report, wrong)
+            (encode_driver_message, wrong)
             for wrong in (Report(math.nan), Report(0.1, object="ball"), Report(0.1, fault="x" * 200))
         ),
-        (encode_registration, Registration("", (0.0, 0.1), (2.0, 60.0))),
-        (encode_registration, Registration("x", (0.1, 0.0), (2.0, 60.0))),
+        (encode_driver_message, Registration("", (0.0, 0.1), (2.0, 60.0))),
+        (encode_driver_message, Registration("x", (0.1, 0.0), (2.0, 60.0))),
     ],
 )
 def test_what_is_not_as_documented_is_not_encoded(encode: Callable[[Any], bytes], wrong: Report | Registration) -> None:

@@ -16,7 +16,7 @@ from slipd.devices.external_gripper.external_gripper_message import (
     Registration,
     Report,
 )
-from slipd.tools.sim.emulated_external import DRIVER, Driver, encode_registration, encode_report
+from slipd.tools.sim.emulated_external import DRIVER, Driver, encode_driver_message
 
 
 @dataclass
@@ -90,10 +90,12 @@ def test_D5_a_force_above_the_requested_one_shows_while_it_lasts(bench: Bench) -
 def test_D5_a_force_without_a_request_is_too_high() -> None:
     bench = Bench()
     bench.session.start(0)
-    bench.deliver([encode_registration(Registration("x", (0.0, 0.1), (0.0, 50.0))), encode_report(Report(0.05))])
+    bench.deliver(
+        [encode_driver_message(Registration("x", (0.0, 0.1), (0.0, 50.0))), encode_driver_message(Report(0.05))]
+    )
     assert set_force(bench.session, 0.0) == 0.0
     bench.session.on_time(0)
-    bench.deliver([encode_report(Report(0.05, id=1, applied_n=50.0))])
+    bench.deliver([encode_driver_message(Report(0.05, id=1, applied_n=50.0))])
     assert bench.last.echo_ok is False
 
 
@@ -115,7 +117,7 @@ def unanswered(bench: Bench) -> Bench:
     ],
 )
 def test_A6_a_driver_that_refuses_or_cannot_is_not_asked_again(unanswered: Bench, report: Report, reason: str) -> None:
-    unanswered.deliver([encode_report(report)])
+    unanswered.deliver([encode_driver_message(report)])
     assert unanswered.run(0.3).operations() == ["force"]
     assert unanswered.session.state == f"command lost: {reason}"
 
@@ -123,14 +125,14 @@ def test_A6_a_driver_that_refuses_or_cannot_is_not_asked_again(unanswered: Bench
 @pytest.mark.parametrize("name", ["bench", "unanswered"])
 def test_an_answer_to_no_set_point_is_a_report_and_a_duplicate(name: str, request: pytest.FixtureRequest) -> None:
     bench = request.getfixturevalue(name)
-    bench.deliver([encode_report(Report(0.07, id=99, applied_n=50.0))])
+    bench.deliver([encode_driver_message(Report(0.07, id=99, applied_n=50.0))])
     assert (bench.last.width_m, bench.last.echo_ok, bench.session.health.duplicates) == (0.07, None, 1)
 
 
 @pytest.mark.parametrize("lie", [Report(0.2), Report(0.05, id=1)])
 def test_an_implausible_report_is_counted_and_not_accepted(unanswered: Bench, lie: Report) -> None:
     seen = len(unanswered.samples)
-    unanswered.deliver([encode_report(lie)])
+    unanswered.deliver([encode_driver_message(lie)])
     assert (len(unanswered.samples), unanswered.session.health.bad) == (seen, 1)
     assert unanswered.session._queue.outstanding is not None
 
@@ -139,7 +141,7 @@ def test_a_driver_that_does_not_register_is_asked_to(bench: Bench) -> None:
     session = Session()
     session.start(0)
     assert session.state == "waiting"
-    assert session.receive(encode_report(Report(0.05)), 0) == []
+    assert session.receive(encode_driver_message(Report(0.05)), 0) == []
     assert session.next_deadline() == 0
     assert msgpack.unpackb(session.on_time(0)) == {"v": 1, "refused": "the driver must register first"}
     assert (session.state, session.health.bad) == ("refused: the driver must register first", 1)
@@ -154,13 +156,13 @@ def test_D2_another_version_of_the_format_is_refused_by_name() -> None:
     session.receive(msgpack.packb({"v": 2, "name": "x"}), 0)
     assert session.state == "refused: the format must be version 1, got 2"
     assert msgpack.unpackb(session.on_time(0))["refused"] == "the format must be version 1, got 2"
-    session.receive(encode_registration(DRIVER), 0)
+    session.receive(encode_driver_message(DRIVER), 0)
     assert session.state == "waiting"
 
 
 def test_a_driver_that_registers_again_starts_again(holding: Bench) -> None:
     assert holding.session.force_sent_n == 10.0
-    holding.deliver([encode_registration(Registration(DRIVER.name, (0.0, 0.1), (1.0, 2.0)))])
+    holding.deliver([encode_driver_message(Registration(DRIVER.name, (0.0, 0.1), (1.0, 2.0)))])
     assert (holding.session.state, holding.session.health.restarts) == ("waiting", 1)
     assert (holding.session.force_range_n, holding.session.force_sent_n) == ((1.0, 2.0), None)
     assert (holding.run(0.1).operations(), holding.session.command_lost, holding.session.state) == ([], False, "active")
@@ -170,7 +172,7 @@ def test_a_driver_that_registers_again_starts_again(holding: Bench) -> None:
 def test_A6_a_set_point_that_a_registration_overtakes_is_lost_and_not_sent_again(bench: Bench, sent: bool) -> None:
     bench.gripper.mute = True
     bench.set_force(10.0, 0.01 * sent)
-    bench.deliver([encode_registration(DRIVER)])
+    bench.deliver([encode_driver_message(DRIVER)])
     assert bench.session.command_lost
     assert (bench.run(1.0).operations(), bench.session.state) == (
         ["force"] * sent,
@@ -185,12 +187,12 @@ def test_another_driver_on_the_same_connection_receives_nothing_until_the_first_
     session, reason = bench.session, "another driver registered on this connection: reconnect"
     set_force(session, 10.0)
     bench.samples.clear()
-    bench.deliver([encode_registration(Registration("stranger", (0.0, 0.1), (1.0, 200.0)))])
+    bench.deliver([encode_driver_message(Registration("stranger", (0.0, 0.1), (1.0, 200.0)))])
     for _ in range(2):
         assert msgpack.unpackb(session.on_time(bench.now_ns)) == {"v": 1, "refused": reason}
-        bench.deliver([encode_report(Report(0.05))])
+        bench.deliver([encode_driver_message(Report(0.05))])
     assert (session.identity, session.state) == (DRIVER.name, f"refused: {reason}")
     assert (move(session, 0.0, None, 5.0), set_force(session, 5.0), halt(session)) == (None, None, False)
     assert (bench.samples, session.command_lost) == ([], True)
-    bench.deliver([encode_registration(DRIVER), encode_report(Report(0.05))])
+    bench.deliver([encode_driver_message(DRIVER), encode_driver_message(Report(0.05))])
     assert set_force(session, 5.0) == 5.0

@@ -17,7 +17,7 @@ from slipd.devices.external_gripper.external_gripper_message import (
     encode_notice,
     encode_setpoint,
 )
-from slipd.tools.sim.emulated_external import DRIVER, PAD, WRENCH, Driver, Pusher, encode_registration
+from slipd.tools.sim.emulated_external import DRIVER, PAD, WRENCH, Driver, Pusher, encode_driver_message
 from slipd.types.samples import ArmSample
 
 
@@ -83,4 +83,4 @@ def test_it_survives_garbage_and_registers_again_on_request() -> None:
         assert driver.receive(garbage, MS) == []
     assert driver.receive(encode_setpoint(2, "stop"), MS) != []
     driver.receive(encode_notice(REFUSED, "the driver must register first"), MS)
-    assert driver.advance(2 * MS) == [encode_registration(DRIVER)]
+    assert driver.advance(2 * MS) == [encode_driver_message(DRIVER)]
