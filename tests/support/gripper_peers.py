@@ -14,6 +14,7 @@ from typing import Any
 
 import msgpack
 import numpy as np
+from gripper_registers import read_requests
 
 from slipd.devices.external_gripper import Session as ExternalSession
 from slipd.devices.robotiq_2f import Session as RobotiqSession
@@ -116,7 +117,7 @@ class RobotiqPeer(Peer):
         return super().hear(data, now_ns)
 
     def requests(self, data: bytes) -> list[modbus.Request]:
-        return robotiq_sim.parse_requests(data, registers.UNIT)[0]
+        return read_requests(data)
 
     def commands(self, data: bytes) -> list[SentCommand]:
         return [self._command(request) for request in self.requests(data) if request.registers]

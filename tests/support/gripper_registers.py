@@ -9,6 +9,15 @@ from slipd.devices.shared import modbus
 from slipd.tools.sim import emulated_robotiq_2f as sim
 
 
+def read_requests(data: bytes, unit: int = robotiq_registers.UNIT, *, size: int = 0) -> list[modbus.Request]:
+    """Read the requests to a device from bytes that end with one, in pieces of a size."""
+    scanner = sim.request_scanner(unit)
+    pieces = [data[at : at + size] for at in range(0, len(data), size)] if size else [data]
+    found = [(buffer, at) for buffer, places in map(scanner.receive, pieces) for at, _ in places]
+    assert scanner.in_sync
+    return [request for buffer, at in found if (request := sim.parse_request(buffer, at)) is not None]
+
+
 class GripperLine:
     """The gripper's side of the line: registers that are written and read; nothing moves by itself."""
 
@@ -25,8 +34,7 @@ class GripperLine:
         return sim.parse_output(self.outputs)
 
     def answer(self, data: bytes) -> bytes:
-        requests, _ = sim.parse_requests(data, robotiq_registers.UNIT)
-        return b"" if self.silent else b"".join(self._answer(request) for request in requests)
+        return b"" if self.silent else b"".join(map(self._answer, read_requests(data)))
 
     def _answer(self, request: modbus.Request) -> bytes:
         if not request.registers:

@@ -9,17 +9,16 @@ from typing import Any
 
 import pytest
 from daemon_peers import Device
+from gripper_registers import read_requests
 from gripper_table import gripper_table
 from loop_waits import PATIENCE_S, eventually
 from service_rig import Rig, serving
 
 from slipd import config, service
-from slipd.devices.robotiq_2f import robotiq_registers
 from slipd.devices.shared import modbus
 from slipd.engine.engine import Engine
 from slipd.events import LinkSpec
 from slipd.io.transport import Links
-from slipd.tools.sim import emulated_robotiq_2f as sim
 from slipd.tools.sim.emulators import make_emulator
 from slipd_client.messages import Health
 
@@ -78,9 +77,7 @@ async def test_the_end_of_a_run_stops_the_sensors_and_leaves_the_gripper_grippin
     assert sensor.advance(10**9)
     sensor.receive(rig.wrench.read(), 10**9)
     assert sensor.advance(2 * 10**9) == []
-    requests, rest = sim.parse_requests(commands + jaws.read(), robotiq_registers.UNIT)
-    assert {request.function for request in requests} == {modbus.READ_INPUT}
-    assert rest == b""
+    assert {request.function for request in read_requests(commands + jaws.read())} == {modbus.READ_INPUT}
     jaws.unplug()
 
 

@@ -94,9 +94,6 @@ time_s = number_in("0 or a positive number", lambda value: value >= 0.0)
 endpoint = matching(r"(.*://.*)?", "be an endpoint such as tcp://127.0.0.1:5555")
 """Type of arguments that are endpoints of ZeroMQ."""
 
-export_format = matching("|".join(EXPORTS), f"be one of {', '.join(EXPORTS)}")
-"""Type of arguments that are formats of an export."""
-
 sentence = matching(r"(?s).*\S.*", "be a sentence")
 """Type of arguments that are texts, not empty."""
 

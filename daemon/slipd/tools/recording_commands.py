@@ -13,7 +13,6 @@ from slipd.tools.cli_arguments import (
     Command,
     argument,
     endpoint,
-    export_format,
     file_in,
     one_of,
     positive,
@@ -281,7 +280,7 @@ RECORDING_COMMANDS = (
             argument("out", type=Path, metavar="OUT", help="new folder"),
             argument(
                 "--to",
-                type=export_format,
+                choices=tuple(EXPORTS),
                 required=True,
                 metavar="|".join(EXPORTS),
                 help="; ".join(f"{name}: {what}" for name, what in EXPORTS.items()),

@@ -65,9 +65,8 @@ class BinnedTrack(Generic[T]):
     """
 
     def __init__(self, merge: Callable[[T, T], T], bins: int = BINS, width_s: float = FIRST_WIDTH_S) -> None:
-        self._merge = merge
-        self._bins: list[T | None] = [None] * bins
-        self._width_s = width_s
+        self._merge, self._most, self._width_s = merge, bins, width_s
+        self._bins: dict[int, T] = {}
         self._begin_s: float | None = None
 
     def add(self, t_s: float, value: T) -> None:
@@ -75,16 +74,15 @@ class BinnedTrack(Generic[T]):
         if self._begin_s is None:
             self._begin_s = t_s
         at = max(int((t_s - self._begin_s) / self._width_s), 0)
-        while at >= len(self._bins):
+        while at >= self._most:
             self._halve()
             at //= 2
-        before = self._bins[at]
-        self._bins[at] = value if before is None or before == value else self._merge(before, value)
+        self._put(at, value)
 
     def held(self, extent: Extent) -> Iterator[Held[T]]:
         """Yield the value of every bin that has one; it holds until the next, the next gap, or the end."""
         first_s = self._begin_s or 0.0
-        found = [(first_s + at * self._width_s, value) for at, value in enumerate(self._bins) if value is not None]
+        found = [(first_s + at * self._width_s, value) for at, value in sorted(self._bins.items())]
         nexts_s = [begin_s for begin_s, _ in found[1:]] + [extent.end_s]
         for (begin_s, value), next_s in zip(found, nexts_s, strict=False):
             yield Held(begin_s, max(min(next_s, extent.limit(begin_s)), begin_s), value)
@@ -93,16 +91,15 @@ class BinnedTrack(Generic[T]):
         """Return the same, with equal values that follow each other without a gap as one."""
         return [Held(*each) for each in joined(self.held(extent))]
 
-    def _halve(self) -> None:
-        old = self._bins
-        merged = [self._merged(old[at], old[at + 1] if at + 1 < len(old) else None) for at in range(0, len(old), 2)]
-        self._bins = merged + [None] * (len(old) - len(merged))
-        self._width_s *= 2.0
+    def _put(self, at: int, value: T) -> None:
+        before = self._bins.get(at, value)
+        self._bins[at] = value if before == value else self._merge(before, value)
 
-    def _merged(self, earlier: T | None, later: T | None) -> T | None:
-        if earlier is None or later is None:
-            return later if earlier is None else earlier
-        return self._merge(earlier, later)
+    def _halve(self) -> None:
+        narrow, self._bins = sorted(self._bins.items()), {}
+        self._width_s *= 2.0
+        for at, value in narrow:
+            self._put(at // 2, value)
 
 
 def widest(one: Range, other: Range) -> Range:

@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
 from slipd.devices.robotiq_2f import robotiq_registers
 from slipd.devices.robotiq_2f.robotiq_registers import WIDTH_TABLE, Table, Units
 from slipd.devices.shared import modbus
+from slipd.devices.shared.device_interface import DecoderHealth
+from slipd.devices.shared.frame_scanner import NO_FRAME, FrameScanner
 from slipd.tools.sim.emulators import EmulatedDevice, moved_jaws
 from slipd.tools.sim.scene import GripCommand, Scene
 
@@ -50,41 +53,34 @@ def encode_exception(request: modbus.Request, code: int) -> bytes:
     return modbus.with_checksum(bytes((request.unit, request.function | modbus.ERROR_FLAG, code)))
 
 
-def parse_requests(received: bytes, unit: int) -> tuple[list[modbus.Request], bytes]:
-    """Return the requests to ``unit`` among the bytes a device received, and the bytes to keep for the next call."""
-    requests: list[modbus.Request] = []
-    at = received.find(unit)
-    while at >= 0:
-        length = _request_length(received, at)
-        if at + length > len(received):
-            return requests, received[at:]
-        request = _parse_request(received[at : at + length])
-        if request:
-            requests.append(request)
-        at = received.find(unit, at + (length if request else 1))
-    return requests, b""
+def request_scanner(unit: int) -> FrameScanner:
+    """Return what finds the requests to a device at this address among the bytes that it receives."""
+    return FrameScanner(bytes((unit,)), _measure, modbus.READ_LENGTH, DecoderHealth())
 
 
-def _request_length(received: bytes, at: int) -> int:
-    """Return the length of the request at ``at``, or of the part that shows it; 1 if there is none."""
-    function = received[at + 1] if at + 1 < len(received) else modbus.READ_INPUT
-    if function in (modbus.READ_HOLDING, modbus.READ_INPUT):
-        return modbus.READ_LENGTH
-    if function != modbus.WRITE:
-        return 1
-    size_at = at + modbus.SIZE_AT
-    size = received[size_at] if size_at < len(received) else 0
-    return modbus.SIZE_AT + 1 + size + modbus.CRC_LENGTH
+def _measure(buffer: bytes, at: int) -> int:
+    """Return the length of the request at ``at``; 0 if it may be incomplete, else `NO_FRAME`."""
+    function = buffer[at + 1] if at + 1 < len(buffer) else modbus.READ_INPUT
+    if function not in (modbus.READ_HOLDING, modbus.READ_INPUT, modbus.WRITE):
+        return NO_FRAME
+    length, size_at = modbus.READ_LENGTH, at + modbus.SIZE_AT
+    if function == modbus.WRITE:
+        size = buffer[size_at] if size_at < len(buffer) else 0
+        length = modbus.SIZE_AT + 1 + size + modbus.CRC_LENGTH
+    if at + length > len(buffer):
+        return 0
+    is_request = modbus.checksum_matches(buffer[at : at + length]) and parse_request(buffer, at) is not None
+    return length if is_request else NO_FRAME
 
 
-def _parse_request(frame: bytes) -> modbus.Request | None:
-    if len(frame) < modbus.READ_LENGTH or not modbus.checksum_matches(frame):
-        return None
-    unit, function = frame[:2]
-    address, count = struct.unpack_from(">HH", frame, 2)
+def parse_request(buffer: bytes, at: int) -> modbus.Request | None:
+    """Return the request at ``at``, whose checksum matches; None where its numbers do not fit each other."""
+    unit, function = buffer[at : at + 2]
+    address, count = struct.unpack_from(">HH", buffer, at + 2)
     registers: tuple[int, ...] = ()
     if function == modbus.WRITE:
-        registers = struct.unpack_from(f">{frame[modbus.SIZE_AT] // 2}H", frame, modbus.SIZE_AT + 1)
+        size_at = at + modbus.SIZE_AT
+        registers = struct.unpack_from(f">{buffer[size_at] // 2}H", buffer, size_at + 1)
         if count != len(registers):
             return None
         count = 0
@@ -175,7 +171,7 @@ class Gripper2F(EmulatedDevice):
         self._force_bytes, self._forces_n = zip(*force_table, strict=True)
         self.activated_ns: int | None = None
         self._units = Units(force_table, width_table, None)
-        self._unit = unit
+        self._requests: FrameScanner = request_scanner(unit)
         self._open_width_m = open_width_m = self._units.width_range_m[1]
         self._registers: tuple[int, ...] = (0,) * robotiq_registers.REGISTERS
         self._output = parse_output(self._registers)
@@ -188,10 +184,12 @@ class Gripper2F(EmulatedDevice):
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
         """Handle bytes that the host wrote by ``t_ns``; return the answers."""
         if t_ns - self._received_ns > FRAME_GAP_NS:
-            self._received = b""
+            self._requests.forget()
         self._received_ns = t_ns
-        requests, self._received = parse_requests(self._received + data, self._unit)
-        return [self._answer(request, t_ns) for request in requests]
+        return super().receive(data, t_ns)
+
+    def _obey(self, buffer: bytes, at: int, t_ns: int) -> list[bytes]:
+        return [self._answer(cast("modbus.Request", parse_request(buffer, at)), t_ns)]
 
     def command(self, t_ns: int) -> GripCommand:
         """Return the present command to the drive."""

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from gripper_registers import read_requests
 from hypothesis import given
 from hypothesis import strategies as st
 from pymodbus.framer import FramerRTU
@@ -43,7 +44,7 @@ requests = st.one_of(
 @pytest.mark.parametrize(("request_", "worked"), WORKED)
 def test_worked_requests_are_written_and_read(request_: Request, worked: str) -> None:
     assert modbus.encode_request(request_) == bytes.fromhex(worked)
-    assert sim.parse_requests(bytes.fromhex(worked), 9) == ([request_], b"")
+    assert read_requests(bytes.fromhex(worked)) == [request_]
 
 
 def test_worked_replies_are_found() -> None:
@@ -98,11 +99,7 @@ def test_a_device_reads_its_requests_from_any_split_and_skips_all_else(
 ) -> None:
     mine = [replace(request, unit=9) for request in sent]
     stream = b"".join(between + modbus.encode_request(request) for request in mine)
-    received, found = b"", []
-    for start in range(0, len(stream), size):
-        requests_, received = sim.parse_requests(received + stream[start : start + size], 9)
-        found += requests_
-    assert (found, received) == (mine, b"")
+    assert read_requests(stream, size=size) == mine
 
 
 def test_a_reply_is_found_in_noise_and_no_damaged_or_foreign_one_is() -> None:
