@@ -1,4 +1,4 @@
-"""Load the kernels from Numba's cache, or compile them and show how far that is; also ``python -m`` this module."""
+"""Load the kernels from Numba's cache, or compile them and show the progress; also ``python -m`` this module."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The parts of a rig, as a config describes them: what messages, requests and the engine share."""
+"""The parts of a rig, made from its config; engine, messages and requests share them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Faults of a config that no single value shows: names, ports, endpoints and tables that do not fit each other."""
+"""Faults that only several values of a config show: names, ports, endpoints and tables that do not fit each other."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MAX_UNITS = 255
 
 
 def semantic_faults(config: Config) -> Iterator[Fault]:
-    """Yield the faults that no single value shows."""
+    """Yield the faults that only several values show."""
     yield from _name_faults(config)
     yield from _port_faults(config)
     yield from bus_faults(config.bus)

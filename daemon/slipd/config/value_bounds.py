@@ -22,7 +22,7 @@ QUATERNION_TOLERANCE = 1e-3
 """A quaternion written with four digits is still a unit quaternion."""
 
 ROUNDED_QUATERNION = 0.1
-"""A quaternion whose length misses 1 by no more was rounded, and its direction is meant."""
+"""Largest difference of a length from 1 that is taken for rounding: the error then gives the unit quaternion."""
 
 MOST_FRICTION = 2.0
 """Rubber on dry, rough glass reaches 2. More is a wrong unit, and makes every grip look safe."""

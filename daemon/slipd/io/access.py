@@ -10,9 +10,10 @@ import fcntl
 import grp
 import os
 import stat
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
+from typing import Self
 
 from zmq.utils import z85
 
@@ -72,7 +73,7 @@ def guard(bus: Bus) -> Guard:
     return Guard(publish, requests, requesters)
 
 
-class RuntimeDirectory:
+class RuntimeDirectory(ExitStack):
     """The directory of the daemon, locked by one process for the duration of ``with``.
 
     The kernel releases the lock when the process ends, in any way.
@@ -88,26 +89,21 @@ class RuntimeDirectory:
     """
 
     def __init__(self, path: Path, group: str = GROUP) -> None:
+        super().__init__()
         self.path = path
-        self._lock = -1
         self._group = _group_id(group)
         self._group_name = group
 
-    def __enter__(self) -> RuntimeDirectory:
+    def __enter__(self) -> Self:
         try:
             self._make()
             self._check_private()
-            self._lock = self._lock_directory()
+            self.callback(os.close, self._lock_directory())
         except OSError as error:
             raise LinkError(
                 f"{self.path}: cannot be used as the runtime directory: {error.strerror}; {ANOTHER}"
             ) from error
         return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        os.close(self._lock)
 
     def share(self, endpoint: str) -> None:
         """Let the group use a socket of the directory; if no group may enter, or the socket is elsewhere, do nothing.

@@ -150,9 +150,7 @@ class PollingSelector(EpollSelector):
         polls: It polls instead of sleeping.
     """
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.polls = False
+    polls = False
 
     def select(self, timeout: float | None = None) -> list[tuple[SelectorKey, int]]:
         """Return the events; wait for one up to ``timeout``, s, and without end where it is None."""

@@ -1,4 +1,4 @@
-"""Receive requests and send replies, whatever clients send and however much.
+"""Receive requests and send replies; no client can disturb this, whatever it sends and however much.
 
 A client chooses its own name, and could choose that of another client. So the daemon identifies it also by what it
 cannot choose: its key, or its process on an ipc connection. A client that sends too many requests gets an error, and

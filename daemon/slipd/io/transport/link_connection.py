@@ -28,7 +28,7 @@ OnBytes = Callable[[bytes], None]
 
 
 class Connection:
-    """What every transport opens, and the delivery of its bytes.
+    """Base of the connections of all transports; it delivers the received bytes.
 
     Args:
         identity: What was opened: the address, and whatever else distinguishes the device.
@@ -101,7 +101,7 @@ class Connection:
 
 
 class FileConnection(Connection):
-    """A stream of bytes from and to a port or socket. It belongs to this object, and does not block.
+    """A stream of bytes over a port or socket, which this object owns and which does not block.
 
     Args:
         address: Address of the link, for people.
