@@ -55,7 +55,7 @@ def _foxglove(foxglove: argparse.ArgumentParser) -> None:
         "--config",
         type=Path,
         metavar="FILE",
-        help="config of the daemon: the places of its pads become /tf, its levels the lines of the layouts",
+        help="config of the daemon: /tf gets the positions of its pads, and the layouts draw lines at its levels",
     )
     foxglove.add_argument(
         "--write-layouts", type=Path, metavar="FOLDER", help="write layouts for these viewers and exit"
@@ -74,7 +74,7 @@ def _ros2(ros2: argparse.ArgumentParser) -> None:
     topic = matching(_TOPIC, "be the full name of a topic, such as /arm/slipd")
     frame = matching(r"[^/](?s:.*)", "be the name of a frame, without a leading slash")
     ros2.add_argument(
-        "--config", type=Path, metavar="FILE", help="config of the daemon: the places of its pads become /tf"
+        "--config", type=Path, metavar="FILE", help="config of the daemon: /tf gets the positions of its pads"
     )
     ros2.add_argument(
         "--domain",
@@ -92,13 +92,13 @@ def _ros2(ros2: argparse.ArgumentParser) -> None:
         "--wrench-rate",
         type=rate_hz,
         metavar="HZ",
-        help="publish at most so many wrenches per second of each finger; those between are left out (default: all)",
+        help="largest number of wrenches per second of each finger; others are left out (default: all)",
     )
     ros2.add_argument(
         "--hand",
         type=frame,
         metavar="FRAME",
-        help="frame of the robot that is the gripper's frame of the config: /tf_static joins them",
+        help="frame of the robot that coincides with the gripper's frame of the config: /tf_static joins them",
     )
     orientation = ros2.add_mutually_exclusive_group()
     orientation.add_argument(

@@ -56,7 +56,7 @@ REQUESTS: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "grip stop": ("stop the fingers where they are", "gripper.stop", ()),
     "grip ack": ("acknowledge the latched fault", "fault.ack", ()),
     "tare take": (
-        "take the present readings of a finger as zero; nothing may touch the finger; may be left out",
+        "take the present readings of a finger as zero; nothing may touch it; the word take may be left out",
         "tare",
         ("seconds", "unloaded", "finger", "stream"),
     ),
@@ -100,11 +100,11 @@ def parser() -> argparse.ArgumentParser:
         "--topic",
         action="append",
         metavar="TOPIC",
-        help="print every message of the topics that begin so, e.g. wrench.left, as JSON lines; may be repeated",
+        help="print every message of topics that begin with TOPIC, e.g. wrench.left, as JSON lines; may be repeated",
     )
     watch.add_argument("--json", action="store_true", help="print every message as JSON, one per line")
     watch.add_argument("--once", action="store_true", help="show the last messages and exit")
-    view = add("view", "show the same in a browser, with the pads; prints the address of the page")
+    view = add("view", "show levels, forces, pads and health in a browser; prints the address of the page")
     add_listen(view)
     view.add_argument(
         "--buttons",
@@ -116,13 +116,13 @@ def parser() -> argparse.ArgumentParser:
         "--config",
         type=Path,
         metavar="FILE",
-        help="config that the daemon runs: the page /commission finds how its sensors are mounted, and writes it",
+        help="config that the daemon runs: the page /commission finds how the sensors are mounted, and changes it",
     )
     view.add_argument(
         "--emulation",
         type=Path,
         metavar="DIR",
-        help="the folder of a running slipd emulate: its pads can be pressed with the mouse",
+        help="folder of a running slipd emulate, whose pads can then be pressed with the mouse",
     )
     add_serve(_commands(add("serve", "serve live messages to other programs, until Ctrl-C"), "serve "))
     add_fleet(add("fleet", "show level, health and age of every robot of a fleet (docs/fleet.md)"))
