@@ -38,10 +38,8 @@ CONFIGURE, RUN = b"C\n", b"R\n"
 
 def find_ack(received: bytes, letter: str) -> int | None:
     """Return the code that acknowledges the command ``letter``; None if ``received`` has no acknowledgement."""
-    for match in _ACK.finditer(received):
-        if match[1] == letter.encode():
-            return int(match[2])
-    return None
+    code = dict(_ACK.findall(received)).get(letter.encode())
+    return None if code is None else int(code)
 
 
 FRAME_LENGTH = 37

@@ -18,7 +18,6 @@ from slipd.devices import Device
 from slipd.devices.shared.device_interface import check_integer
 from slipd.devices.shared.frame_scanner import NO_FRAME, FrameDecoder, FrameScanner
 from slipd.devices.shared.sensor_session import SensorSession, Step
-from slipd.types.arrays import Array
 from slipd.types.samples import TactileSample
 
 FINGERS = 2
@@ -110,17 +109,14 @@ class Decoder(FrameDecoder):
         samples: list[TactileSample] = []
         for finger in range(FINGERS):
             static = blocks.get(STATIC | finger << 2)
-            if static is None or self._is_repeated(finger, static, t_ns):
+            before, before_ns = self._newest.get(finger, (b"", 0))
+            if static is None or (static == before and t_ns - before_ns < REPEAT_NS):
                 continue
             self._newest[finger] = static, t_ns
             time_ns = self._time_ns(blocks.get(TIMESTAMP | finger << 2))
             values = np.frombuffer(static, ">u2").astype(np.float64)
             samples.append(TactileSample(t_ns, time_ns, values, source=str(finger)))
         return samples
-
-    def _is_repeated(self, finger: int, static: bytes, t_ns: int) -> bool:
-        before, before_ns = self._newest.get(finger, (b"", 0))
-        return static == before and t_ns - before_ns < REPEAT_NS
 
     def _time_ns(self, stamp: bytes | None) -> int | None:
         if stamp is None or self._unit_ns is None:
@@ -164,18 +160,6 @@ def _blocks(received: bytes, size: int) -> dict[int, bytes] | None:
 def encode_packet(command: int, data: bytes = b"") -> bytes:
     """Return a packet of either direction, with checksum 0 like the manufacturer's code."""
     return bytes((*_SYNC, 0, command, len(data))) + data
-
-
-def encode_block(kind: int, finger: int, values: Array | list[int]) -> bytes:
-    """Return one tagged block of a sensor packet.
-
-    Args:
-        kind: Type: `STATIC`, `DYNAMIC`, `ACCELEROMETER`, `GYROSCOPE`, `MAGNETOMETER`, `TEMPERATURE`, `TIMESTAMP`.
-        finger: 0 or 1.
-        values: 28, 1 or 3 integers of 16 bits, unsigned for `STATIC`; one of 64 bits for `TIMESTAMP`.
-    """
-    word = {STATIC: ">u2", TIMESTAMP: ">u8"}.get(kind, ">i2")
-    return bytes((kind | finger << 2,)) + np.asarray(values).astype(word).tobytes()
 
 
 class Session(SensorSession[Decoder]):

@@ -15,6 +15,7 @@ from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.frame_scanner import BYTES_PER_TRY, FREE_TRIES
 from slipd.tools.sim import emulated_pads as sim
+from slipd.tools.sim import emulated_rdt as sim_rdt
 
 READ = 1024
 SIZE = 64 * READ
@@ -28,7 +29,7 @@ def repeat(piece: bytes, size: int = SIZE) -> bytes:
     return (piece * (size // len(piece) + 1))[:size]
 
 
-RECORD = rdt.encode_record((1, 2, 3, 4, 5, 6), 70_000, 7)
+RECORD = sim_rdt.encode_record((1, 2, 3, 4, 5, 6), 70_000, 7)
 HOSTILE: dict[str, tuple[bytes, ...]] = {
     "bota": (b"\xaa", b"App Init\r", b"r,0,C,1\r\n", b"App Init\rname: a\r", b"App Init\rname: a" + b"\r" * 490),
     "optoforce": (b"\xaa", b"\xaa\x07\x08\x1c", b"\xaa\x07\x08\x0a"),
@@ -115,7 +116,7 @@ def test_xela_parses_no_character_more_than_four_times(text: bytes, size: int, m
 
 
 def run(first: int, count: int) -> bytes:
-    return b"".join(rdt.encode_record((n % 1000, 0, 0, 0, 0, n % 7), n, 7 * n) for n in range(first, first + count))
+    return b"".join(sim_rdt.encode_record((n % 1000, 0, 0, 0, 0, n % 7), n, 7 * n) for n in range(first, first + count))
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -9,7 +9,8 @@ import pytest
 from readings import Case, dropped, fields
 
 from slipd.devices import tsf85
-from slipd.devices.tsf85 import encode_block, encode_packet
+from slipd.devices.tsf85 import encode_packet
+from slipd.tools.sim.emulated_pads import encode_block
 
 KINDS = bytes.fromhex(
     f"9A 00 61 4C 50 00 01 00 02 00 03 60 0C E4 70 00 00 00 00 00 00 6C 1F 10 {28 * '01 2C '}"

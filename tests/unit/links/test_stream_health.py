@@ -10,6 +10,7 @@ from nanoseconds import MS, T0, S
 from slipd.devices import DEVICES, tsf85
 from slipd.finger.freshness import PROMPT
 from slipd.links.device_link import DeviceLink, FloodGuard, make_links
+from slipd.tools.sim.emulated_pads import encode_block
 from slipd.types.samples import WrenchSample
 from slipd_client.messages import Health
 
@@ -109,7 +110,7 @@ def test_L9_an_array_that_comes_in_every_packet_of_a_tsf85_is_no_flood(left: str
     link = make_links(parse(text))["left.pad"]
     link.open("port", T0)
     for ms in range(3000):
-        array = tsf85.encode_block(tsf85.STATIC, 0, [ms // 16] * tsf85.TAXELS)
+        array = encode_block(tsf85.STATIC, 0, [ms // 16] * tsf85.TAXELS)
         link.receive(tsf85.encode_packet(tsf85.AUTOSEND, array), T0 + ms * MS)
     assert (link.flood.dropped, link.streams["0"].count) == (0, 188)
 

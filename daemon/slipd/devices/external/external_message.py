@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import msgpack
@@ -65,11 +66,6 @@ error, or both."""
 _LATEST_NS = 1 << 63  # CLOCK_MONOTONIC is a signed 64-bit number
 _NAME = re.compile(r"[A-Za-z0-9_./-]+")
 _WORD = re.compile(r"[a-z][a-z0-9_]*")
-
-
-def measure(buffer: bytes, at: int) -> int:
-    """Return the length of the message at ``at``; 0 if more bytes are needed to decide, -1 if there is none."""
-    return message_length(_message_end, buffer, at, MAX_MESSAGE)
 
 
 def parse(data: bytes) -> dict[str, Any] | None:
@@ -173,6 +169,10 @@ def _message_end(buffer: bytes, at: int) -> int:
     if reading not in READINGS and reading - {b"object_pose"} != SPEED:
         raise Malformed
     return end
+
+
+measure = partial(message_length, _message_end, MAX_MESSAGE)
+"""``measure(buffer, at)`` returns the length of the message at ``at``; 0 if more bytes may decide, -1 for none."""
 
 
 _vector_end = vector_end(AXES)

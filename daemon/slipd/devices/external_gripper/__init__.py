@@ -10,7 +10,7 @@ from slipd.devices import Device
 from slipd.devices.external_gripper import external_gripper_message as wire
 from slipd.devices.external_gripper.external_gripper_message import Decoder, Foreign, Registration, Report, sample
 from slipd.devices.shared.command_queue import CommandQueue, QueuedCommand, QueuedGripperSession
-from slipd.devices.shared.device_interface import DecoderHealth, check_integer
+from slipd.devices.shared.device_interface import check_integer
 from slipd.devices.shared.gripper_session import FAULT_REPORTS, MOTIONS, Event, State, Table, report_of
 from slipd.devices.shared.waiting_commands import SETS_FORCE, STOP
 from slipd.types.samples import GripperSample
@@ -33,9 +33,7 @@ FORCE_TOLERANCE = 1e-6
 class SetpointQueue(CommandQueue):
     """Waiting set-points, each with its own id; for the arguments see `CommandQueue`."""
 
-    def __init__(self, answer_ns: int, health: DecoderHealth) -> None:
-        super().__init__(answer_ns, health)
-        self._made = 0
+    _made = 0  # also before the last reset
 
     def reset(self) -> None:
         """Start again: nothing waits, nothing is known."""

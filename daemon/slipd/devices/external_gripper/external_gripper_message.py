@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated, Any, ClassVar, Literal
 
 import msgpack
@@ -118,13 +119,12 @@ Message = Registration | Report | Foreign
 _REGISTRATIONS, _REPORTS = TypeAdapter(Registration), TypeAdapter(Report)
 
 
-def measure(buffer: bytes, at: int) -> int:
-    """Return the length of the message at ``at``; 0 if more bytes are needed to decide, -1 if there is none."""
-    return message_length(_message_end, buffer, at, MAX_MESSAGE)
-
-
 def _message_end(buffer: bytes, at: int) -> int:
     return map_end(buffer, at, _SIZES, _VALUE_ENDS)[0]
+
+
+measure = partial(message_length, _message_end, MAX_MESSAGE)
+"""``measure(buffer, at)`` returns the length of the message at ``at``; 0 if more bytes may decide, -1 for none."""
 
 
 def _value_end(buffer: bytes, at: int) -> int:

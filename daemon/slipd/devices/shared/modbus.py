@@ -15,15 +15,11 @@ READ_HOLDING = 3
 READ_INPUT = 4
 WRITE = 16
 
-ILLEGAL_ADDRESS = 2
-
 MAX_FRAME = 256
 """Longest frame of the protocol, bytes; no buffer needs to be longer."""
 
 _MOST_READ, _MOST_WRITTEN = 125, 123
-SIZE_AT = 6  # offset of the number of bytes that a request writes
 ERROR_FLAG = 0x80
-READ_LENGTH = 8
 _EXCEPTION_LENGTH = 5
 CRC_LENGTH = 2
 

@@ -21,14 +21,14 @@ class Malformed(Exception):  # noqa: N818
     """There is no valid message."""
 
 
-def message_length(find_end: Callable[[bytes, int], int], buffer: bytes, at: int, most: int) -> int:
+def message_length(find_end: Callable[[bytes, int], int], most: int, buffer: bytes, at: int) -> int:
     """Return the length of the message at ``at``; 0 if more bytes are needed to decide, else `NO_FRAME`.
 
     Args:
         find_end: Returns where the message ends, or raises `Incomplete` or `Malformed`.
+        most: Length of the longest message, bytes.
         buffer: Bytes received so far.
         at: Where the message begins.
-        most: Length of the longest message, bytes.
     """
     try:
         length = find_end(buffer, at) - at

@@ -12,7 +12,6 @@ Source: ATI Ethernet Axia manual, OptoForce Ethernet converter manual.
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,11 +27,11 @@ STOP = 0x0000
 START = 0x0002
 START_BUFFERED = 0x0003
 
-_REQUEST = struct.Struct(">HHI")  # header, command, data
-_REQUEST_HEADER = 0x1234
+REQUEST = struct.Struct(">HHI")  # header, command, data
+REQUEST_HEADER = 0x1234
 _HEAD = struct.Struct(">III")  # rdt_sequence, ft_sequence, status
-_RECORD = struct.Struct(">III6i")
-_SPAN = 1 << 32
+RECORD = struct.Struct(">III6i")
+SPAN = 1 << 32
 _FIRST = 1
 """Number of the first record after each start."""
 _FIRST_WITHIN = 1 << 16
@@ -81,7 +80,7 @@ class RecordScanner(FrameScanner):
     def __init__(self, health: DecoderHealth, reserved: int) -> None:
         super().__init__(b"", self._record_length, RECORD_LENGTH, health, seek=self._next_stream)
         self._reserved = reserved
-        self._sequence = SequenceTracker(_SPAN, health, first=_FIRST)
+        self._sequence = SequenceTracker(SPAN, health, first=_FIRST)
         self._newest: int | None = None
         self._newest_ticks = 0
         self._reserved_bits = 0  # of the newest record
@@ -104,7 +103,7 @@ class RecordScanner(FrameScanner):
         if self._returned is None or not self.in_sync:
             return None
         number, clock = self._returned
-        if (number, clock % _SPAN) != (self._newest, self._newest_ticks):
+        if (number, clock % SPAN) != (self._newest, self._newest_ticks):
             return None
         words = np.frombuffer(data, ">u4").reshape(-1, RECORD_LENGTH // 4)
         numbers, ticks, status = words[:, :3].astype(np.int64).T
@@ -129,7 +128,7 @@ class RecordScanner(FrameScanner):
         heads: list[Head] = []
         rows: list[list[int]] = []
         for start, _ in found:
-            sequence, ticks, status, *counts = _RECORD.unpack_from(buffer, start)
+            sequence, ticks, status, *counts = RECORD.unpack_from(buffer, start)
             clock = self._clock_of(sequence, ticks)
             if clock is None:
                 self._health.duplicates += 1
@@ -159,7 +158,7 @@ class RecordScanner(FrameScanner):
                 self._aligned = False
                 return NO_FRAME
         self._reserved_bits, self._aligned = reserved, True
-        if self._newest is None or sequence == _FIRST or (self._newest - sequence) % _SPAN > LATE_WITHIN:
+        if self._newest is None or sequence == _FIRST or (self._newest - sequence) % SPAN > LATE_WITHIN:
             self._newest, self._newest_ticks = sequence, ticks
         return RECORD_LENGTH
 
@@ -202,10 +201,10 @@ class RecordScanner(FrameScanner):
             return _NEW_STREAM_NEEDS
         if self._newest is None:
             return 0 if same_reserved and sequence < _FIRST_WITHIN else _NEW_STREAM_NEEDS
-        ahead, later = (sequence - self._newest) % _SPAN, (ticks - self._newest_ticks) % _SPAN
+        ahead, later = (sequence - self._newest) % SPAN, (ticks - self._newest_ticks) % SPAN
         if later < _TICKS_WITHIN and ahead < _GAP_WITHIN:
             return 0 if same_reserved and ahead == 1 else 1
-        is_late = -ahead % _SPAN <= LATE_WITHIN and -later % _SPAN < _TICKS_WITHIN
+        is_late = -ahead % SPAN <= LATE_WITHIN and -later % SPAN < _TICKS_WITHIN
         return 1 if is_late or sequence == _FIRST else _NEW_STREAM_NEEDS
 
     def _clock_of(self, sequence: int, ticks: int) -> int | None:
@@ -213,32 +212,12 @@ class RecordScanner(FrameScanner):
         if self._returned is None:
             return ticks
         number, before = self._returned
-        step = (ticks - before + _SPAN // 2) % _SPAN - _SPAN // 2
-        if -_LATE_TICKS < step < 0 and sequence != _FIRST and 0 < (number - sequence) % _SPAN < _SPAN // 2:
+        step = (ticks - before + SPAN // 2) % SPAN - SPAN // 2
+        if -_LATE_TICKS < step < 0 and sequence != _FIRST and 0 < (number - sequence) % SPAN < SPAN // 2:
             return None
         return before + step if step > -_TICKS_WITHIN else ticks  # a clock that jumps far back was reset
 
 
 def encode_request(command: int, data: int = 0) -> bytes:
     """Return a request of 8 bytes; for a start, ``data`` is the number of records, 0 for no limit."""
-    return _REQUEST.pack(_REQUEST_HEADER, command, data)
-
-
-def parse_request(datagram: bytes) -> tuple[int, int] | None:
-    """Return command and data of a request; None if the datagram is not a request."""
-    if len(datagram) != _REQUEST.size:
-        return None
-    header, command, data = _REQUEST.unpack(datagram)
-    return (command, data) if header == _REQUEST_HEADER else None
-
-
-def encode_record(counts: Sequence[int], sequence: int, ft_sequence: int, status: int = 0) -> bytes:
-    """Return one record of 36 bytes as a sensor sends it.
-
-    Args:
-        counts: Force x y z, torque x y z; each within an int32.
-        sequence: Number of the record since the start, from 1; sent modulo 2^32.
-        ft_sequence: The sensor's own sample counter, its clock; sent modulo 2^32.
-        status: The 32 status bits.
-    """
-    return _RECORD.pack(sequence % _SPAN, ft_sequence % _SPAN, status, *counts)
+    return REQUEST.pack(REQUEST_HEADER, command, data)

@@ -153,9 +153,9 @@ class PacketScanner(FrameScanner):
         self._accepts = accepts
         self._bare = bare
 
-    def packets(self, data: bytes) -> list[Packet]:
-        """Scan the next bytes of the stream; return the packets they complete."""
-        buffer, found = self.receive(data)
+    def packets(self, data: bytes, t_ns: int | None = None) -> list[Packet]:
+        """Scan the next bytes of the stream, see `FrameScanner.receive`; return the packets they complete."""
+        buffer, found = self.receive(data, t_ns)
         packets = []
         for at, _ in found:
             payload_at = at + _HEAD_LENGTH

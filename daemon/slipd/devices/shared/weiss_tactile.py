@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import struct
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from typing import TypeVar
 
 import numpy as np
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from slipd.devices.shared.frame_scanner import FrameDecoder
 from slipd.devices.shared.sensor_session import ATTEMPTS, SILENCE_NS, SensorSession, Step
 from slipd.devices.shared.weiss_packets import PREAMBLE, PacketScanner, encode, status_word
-from slipd.types.samples import Sample, TactileSample
+from slipd.types.samples import TactileSample
 
 FRAME = 0x00
 """Id of a packet that contains an image."""
@@ -36,9 +36,6 @@ _FRAME_HEAD = struct.Struct("<IB")  # device time in ms, flags
 _HEADS = re.compile(PREAMBLE[:1] + b"(?=" + PREAMBLE[1:] + b"(.)(..))", re.DOTALL)  # id and size, overlapping matches
 _WORD_BYTES = 2
 _STATUS_BYTES = 2
-
-PAUSE_NS = 300_000_000
-"""The bytes of a packet follow each other without gaps: after a pause this long a new packet begins."""
 
 Words = NDArray[np.uint16]
 """Cells of an image, or runs of cells."""
@@ -70,7 +67,7 @@ class TactileDecoder(FrameDecoder, ABC):
         """Decode bytes received at ``t_ns``; return the images they complete."""
         samples: list[TactileSample] = []
         self.replies = []
-        for packet in self._frames.packets(data):
+        for packet in self._frames.packets(data, t_ns):
             if packet.id == FRAME:
                 time_ms, flags = _FRAME_HEAD.unpack_from(packet.payload)
                 samples += self._samples(bool(flags & RLE), _words(packet.payload), t_ns, time_ms * 1_000_000)
@@ -140,14 +137,6 @@ class TactileSession(SensorSession[D]):
     def __init__(self, decoder: D, steps: list[Step], stop: bytes, period_ns: int) -> None:
         silence_ns = max(SILENCE_NS, 3 * period_ns)
         super().__init__(decoder, steps, stop, rest_ns=0, silence_ns=silence_ns)
-        self._received_ns = 0
-
-    def receive(self, data: bytes, now_ns: int) -> Sequence[Sample]:
-        """Decode bytes received at ``now_ns``; return the images they complete."""
-        if now_ns - self._received_ns > PAUSE_NS:
-            self.decoder.forget()
-        self._received_ns = now_ns
-        return super().receive(data, now_ns)
 
 
 def query(

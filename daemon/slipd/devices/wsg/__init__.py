@@ -20,6 +20,7 @@ from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, PacketScanner
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.devices.wsg.wsg_commands import (
     ACTIVATION,
+    ANSWER_NS,
     HOME,
     IN_PROGRESS,
     TRANSITIONS,
@@ -154,7 +155,7 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
             ],
             wire.encode(wire.DISCONNECT),
         )
-        self._queue = WsgCommandQueue(self.health)
+        self._queue = WsgCommandQueue(ANSWER_NS, self.health)
         self._reset(State.CLOSED)
 
     def _reset(self, state: State) -> None:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from slipd.devices.shared import weiss_packets as weiss
 from slipd.devices.shared.command_queue import CommandQueue, QueuedCommand
-from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.gripper_session import FAULT_REPORTS, MOTIONS, Event, State, Table
 from slipd.devices.shared.waiting_commands import STOP
 from slipd.devices.wsg import wsg_messages as wire
@@ -70,18 +69,12 @@ Goal = tuple[float, float]
 
 
 class WsgCommandQueue(CommandQueue):
-    """Waiting commands, with their goal and force limit.
-
-    Args:
-        health: Its ``lost`` counts unanswered commands.
+    """Waiting commands, with their goal and force limit; for the arguments see `CommandQueue`.
 
     Attributes:
         width_m: The gripper's newest width, m.
         usual_speed_mps: Speed of moves without one, m/s.
     """
-
-    def __init__(self, health: DecoderHealth) -> None:
-        super().__init__(ANSWER_NS, health)
 
     def reset(self) -> None:
         """Start again: nothing waits, nothing is known."""

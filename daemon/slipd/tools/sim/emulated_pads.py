@@ -18,7 +18,6 @@ from slipd.devices import papillarray, tsf85, xela
 from slipd.devices.papillarray import RATES_HZ
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.frame_scanner import FrameScanner
-from slipd.devices.tsf85 import encode_block
 from slipd.tools.sim.emulators import EmulatedTactile, TactileStream, device_us
 from slipd.types.arrays import Array
 
@@ -149,6 +148,18 @@ def _measure(buffer: bytes, at: int) -> int:
         return 0
     length = _HEAD_LENGTH + buffer[at + _LENGTH_AT]
     return length if at + length <= len(buffer) else 0
+
+
+def encode_block(kind: int, finger: int, values: Array | list[int]) -> bytes:
+    """Return one tagged block of a sensor packet.
+
+    Args:
+        kind: Type: a type of `tsf85`, such as `tsf85.STATIC`.
+        finger: 0 or 1.
+        values: 28, 1 or 3 integers of 16 bits, unsigned for a static block; one of 64 bits for a time.
+    """
+    word = {tsf85.STATIC: ">u2", tsf85.TIMESTAMP: ">u8"}.get(kind, ">i2")
+    return bytes((kind | finger << 2,)) + np.asarray(values).astype(word).tobytes()
 
 
 class Fingertips(EmulatedTactile):

@@ -53,6 +53,26 @@ def encode_xml(tags: Mapping[str, str | int]) -> bytes:
     return f'{head}<?xml version="1.0"?><netft>\n{page}</netft>\n'.encode()
 
 
+def parse_request(datagram: bytes) -> tuple[int, int] | None:
+    """Return command and data of a request; None if the datagram is not a request."""
+    if len(datagram) != rdt.REQUEST.size:
+        return None
+    header, command, data = rdt.REQUEST.unpack(datagram)
+    return (command, data) if header == rdt.REQUEST_HEADER else None
+
+
+def encode_record(counts: Sequence[int], sequence: int, ft_sequence: int, status: int = 0) -> bytes:
+    """Return one record of 36 bytes as a sensor sends it.
+
+    Args:
+        counts: Force x y z, torque x y z; each within an int32.
+        sequence: Number of the record since the start, from 1; sent modulo 2^32.
+        ft_sequence: The sensor's own sample counter, its clock; sent modulo 2^32.
+        status: The 32 status bits.
+    """
+    return rdt.RECORD.pack(sequence % rdt.SPAN, ft_sequence % rdt.SPAN, status, *counts)
+
+
 class NetftSensor(EmulatedWrench):
     """An Ethernet Axia.
 
@@ -114,7 +134,7 @@ class NetftSensor(EmulatedWrench):
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
         """Handle a datagram; the only answers are records."""
-        command, count = rdt.parse_request(data) or (None, 0)
+        command, count = parse_request(data) or (None, 0)
         if command in (rdt.START, rdt.START_BUFFERED):
             self._per_datagram = self._block if command == rdt.START_BUFFERED else 1
             self._sequence, self._waiting, self._left = 0, [], count
@@ -140,7 +160,7 @@ class NetftSensor(EmulatedWrench):
         self._sequence += 1
         counts = whole(self._stream.reading() * self._counts_per_unit, 32)
         ticks = int(taken_ns * self._internal_hz // 1_000_000_000)
-        return rdt.encode_record(counts, self._sequence, ticks, self.status)
+        return encode_record(counts, self._sequence, ticks, self.status)
 
 
 POWER_ON_HZ = 100.0
@@ -165,7 +185,7 @@ class OptoforceConverter(NetftSensor):
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
         """Handle a datagram; the only answers are records."""
-        command, value = rdt.parse_request(data) or (None, 0)
+        command, value = parse_request(data) or (None, 0)
         if command == UDP_PERIOD and value:
             self._stream.rate_hz = 1000.0 / value
         return super().receive(data, t_ns)

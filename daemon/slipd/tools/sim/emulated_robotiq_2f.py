@@ -37,6 +37,9 @@ READABLE = 6
 """Registers that can be read; the driver of PickNikRobotics/ros2_robotiq_gripper (3b6cf8f) reads six."""
 UNUSED = (0,) * (READABLE - robotiq_registers.REGISTERS)
 
+_READ_LENGTH = 8  # of a request to read registers
+_SIZE_AT = 6  # offset of the number of bytes that a request writes
+_ILLEGAL_ADDRESS = 2
 _INACTIVE, _ACTIVATING, _ACTIVE = 0, 1, 3
 _FOUND_MOVING, _FOUND_CLOSING, _FOUND_NONE = 0, 2, 3
 _FAULT_DELAYED, _FAULT_NOT_ACTIVATED = 5, 7
@@ -55,7 +58,7 @@ def encode_exception(request: modbus.Request, code: int) -> bytes:
 
 def request_scanner(unit: int) -> FrameScanner:
     """Return what finds the requests to a device at this address among the bytes that it receives."""
-    return FrameScanner(bytes((unit,)), _measure, modbus.READ_LENGTH, DecoderHealth())
+    return FrameScanner(bytes((unit,)), _measure, _READ_LENGTH, DecoderHealth())
 
 
 def _measure(buffer: bytes, at: int) -> int:
@@ -63,10 +66,10 @@ def _measure(buffer: bytes, at: int) -> int:
     function = buffer[at + 1] if at + 1 < len(buffer) else modbus.READ_INPUT
     if function not in (modbus.READ_HOLDING, modbus.READ_INPUT, modbus.WRITE):
         return NO_FRAME
-    length, size_at = modbus.READ_LENGTH, at + modbus.SIZE_AT
+    length, size_at = _READ_LENGTH, at + _SIZE_AT
     if function == modbus.WRITE:
         size = buffer[size_at] if size_at < len(buffer) else 0
-        length = modbus.SIZE_AT + 1 + size + modbus.CRC_LENGTH
+        length = _SIZE_AT + 1 + size + modbus.CRC_LENGTH
     if at + length > len(buffer):
         return 0
     is_request = modbus.checksum_matches(buffer[at : at + length]) and parse_request(buffer, at) is not None
@@ -79,7 +82,7 @@ def parse_request(buffer: bytes, at: int) -> modbus.Request | None:
     address, count = struct.unpack_from(">HH", buffer, at + 2)
     registers: tuple[int, ...] = ()
     if function == modbus.WRITE:
-        size_at = at + modbus.SIZE_AT
+        size_at = at + _SIZE_AT
         registers = struct.unpack_from(f">{buffer[size_at] // 2}H", buffer, size_at + 1)
         if count != len(registers):
             return None
@@ -211,12 +214,12 @@ class Gripper2F(EmulatedDevice):
         if request.registers:
             written = write_output(self._registers, request)
             if written is None:
-                return encode_exception(request, modbus.ILLEGAL_ADDRESS)
+                return encode_exception(request, _ILLEGAL_ADDRESS)
             self._write_output(written, t_ns)
             return encode_reply(request)
         first = request.address - robotiq_registers.INPUT_ADDRESS
         if not 0 <= first <= READABLE - request.count:
-            return encode_exception(request, modbus.ILLEGAL_ADDRESS)
+            return encode_exception(request, _ILLEGAL_ADDRESS)
         return encode_reply(request, (*self._status(t_ns), *UNUSED)[first : first + request.count])
 
     def _write_output(self, registers: tuple[int, ...], t_ns: int) -> None:

@@ -22,7 +22,7 @@ TOP = 1 << 32
 
 
 def record(number: int, status: int = 0) -> bytes:
-    return rdt.encode_record(COUNTS, number, 7 * number, status)
+    return sim.encode_record(COUNTS, number, 7 * number, status)
 
 
 def steady(status: int) -> bytes:
@@ -81,7 +81,7 @@ CASES = {
     ),
     "the warning ends with the condition": Case(steady(0x00010000) + record(5) + record(6), [{}] * 6),
     "a count at the end of its range is overload": Case(
-        rdt.encode_record((*COUNTS[:5], -(1 << 31)), 1, 1), fields("status", [("overload",)])
+        sim.encode_record((*COUNTS[:5], -(1 << 31)), 1, 1), fields("status", [("overload",)])
     ),
     "gap, duplicate and restart are distinguished": Case(
         b"".join(record(number) for number in (1, 2, 5, 6, 6, 7, 8, 1, 2)),
@@ -102,7 +102,7 @@ CASES = {
         record(1), fields("device_time_ns", [None]), options={"internal_hz": 0}
     ),
     "the time goes on where the counter wraps": Case(
-        b"".join(rdt.encode_record(COUNTS, number, TOP - 3 + number) for number in range(1, 6)),
+        b"".join(sim.encode_record(COUNTS, number, TOP - 3 + number) for number in range(1, 6)),
         fields("device_time_ns", [(TOP + step) * 10**6 for step in range(-2, 3)]),
         options={"internal_hz": 1000},
     ),

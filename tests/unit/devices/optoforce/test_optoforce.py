@@ -7,7 +7,6 @@ from readings import Case, fields
 
 from slipd.devices import optoforce
 from slipd.devices.optoforce import optoforce_frames as frames
-from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.sensor_session import RETRY_PAUSE_NS
 from slipd.tools.sim import emulated_rdt as sim
@@ -50,7 +49,7 @@ CASES = {
     ),
     **{
         f"status bit {bit} has its words over UDP": Case(
-            b"".join(rdt.encode_record((1, 2, 3, 4, 5, 6), number, 1000 + number, 1 << bit) for number in range(1, 5)),
+            b"".join(sim.encode_record((1, 2, 3, 4, 5, 6), number, 1000 + number, 1 << bit) for number in range(1, 5)),
             fields("status", [STATUS[bit]] * 4),
             options={"wiring": "udp"},
         )

@@ -10,6 +10,7 @@ import pytest
 
 from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.device_interface import DecoderHealth
+from slipd.tools.sim import emulated_rdt as sim
 
 RESERVED = 0xFFFF_0000
 SPAN = 1 << 32
@@ -18,7 +19,7 @@ COUNTS = (12_345_678, -2_500_000, 98_100_000, 150_000, -42_000, 7)
 
 def record(number: int, status: int = 0, ticks: int | None = None) -> bytes:
     """Return a record of a 1 kHz stream; its second count is a thousand times its number."""
-    return rdt.encode_record(
+    return sim.encode_record(
         (COUNTS[0], 1000 * number, *COUNTS[2:]), number, 7 * number if ticks is None else ticks, status
     )
 
@@ -33,8 +34,8 @@ def read(*pieces: bytes) -> tuple[list[int], DecoderHealth]:
 def test_requests_are_written_and_read() -> None:
     start = bytes.fromhex("12 34 00 02 00 00 00 00")
     assert rdt.encode_request(rdt.START) == start
-    assert rdt.parse_request(rdt.encode_request(0x82, 5)) == (0x82, 5)
-    assert [rdt.parse_request(wrong) for wrong in (start + b"\0", bytes(8))] == [None, None]
+    assert sim.parse_request(rdt.encode_request(0x82, 5)) == (0x82, 5)
+    assert [sim.parse_request(wrong) for wrong in (start + b"\0", bytes(8))] == [None, None]
 
 
 def scanner() -> rdt.RecordScanner:
@@ -84,7 +85,7 @@ READ: dict[str, tuple[list[bytes], list[int], DecoderHealth]] = {
         DecoderHealth(restarts=1),
     ),
     "the number wraps to zero": (
-        [rdt.encode_record((0, 1000 * step, 0, 0, 0, 0), LAST + step, 70 + step) for step in (-1, 0, 1, 2)],
+        [sim.encode_record((0, 1000 * step, 0, 0, 0, 0), LAST + step, 70 + step) for step in (-1, 0, 1, 2)],
         [-1, 0, 1, 2],
         DecoderHealth(),
     ),
@@ -105,7 +106,7 @@ READ: dict[str, tuple[list[bytes], list[int], DecoderHealth]] = {
     ),
     **{
         f"bit {bit} of a number costs that record alone": (
-            [*stream(*range(995, 1000)), rdt.encode_record(COUNTS, 1000 ^ 1 << bit, 7000), *stream(*range(1001, 1006))],
+            [*stream(*range(995, 1000)), sim.encode_record(COUNTS, 1000 ^ 1 << bit, 7000), *stream(*range(1001, 1006))],
             [*range(995, 1000), *range(1001, 1006)],
             DecoderHealth(lost=1, bad=1, bad_bytes=36),
         )
@@ -135,7 +136,7 @@ def test_L3_noise_yields_no_record_between_good_ones() -> None:
 
 def test_L3_the_counts_of_a_resting_sensor_are_not_mistaken_for_records() -> None:
     rng = np.random.default_rng(9)
-    rest = b"".join(rdt.encode_record(rng.integers(-2, 3, size=6).tolist(), n, n) for n in range(10, 400))
+    rest = b"".join(sim.encode_record(rng.integers(-2, 3, size=6).tolist(), n, n) for n in range(10, 400))
     for start in range(1, 36):
         heads, _ = scanner().records(b"\xff\xff" + rest[start:])
         assert [clock for clock, _ in heads] == list(range(11, 400))
@@ -168,7 +169,7 @@ def test_whole_datagrams_are_read_without_a_search_and_their_heads_are_unsigned(
 ) -> None:
     records = scanner()
     middle, status = SPAN // 2, 0x8001_0000
-    sent = [rdt.encode_record((n, 0, 0, 0, 0, 0), middle + n, middle + 7 * n, status) for n in range(20)]
+    sent = [sim.encode_record((n, 0, 0, 0, 0, 0), middle + n, middle + 7 * n, status) for n in range(20)]
     assert len(records.records(b"".join(sent[:4]))[0]) == 4
     monkeypatch.setattr(records, "_search", None)
     for numbers in (range(4, 11), range(11, 20)):
@@ -204,14 +205,14 @@ def test_a_freshly_opened_stream_begins_at_any_number_and_drops_a_partial_record
 @pytest.mark.parametrize("rail", [-(1 << 31), (1 << 31) - 1])
 def test_N3_a_count_at_the_end_of_its_range_is_marked(place: int, rail: int) -> None:
     counts = [*COUNTS[:place], rail, *COUNTS[place + 1 :]]
-    heads, values = scanner().records(record(1) + rdt.encode_record(counts, 2, 14, 3) + record(3))
+    heads, values = scanner().records(record(1) + sim.encode_record(counts, 2, 14, 3) + record(3))
     assert [status for _, status in heads] == [0, 3 | rdt.AT_RAIL, 0]
     assert values[1, place] == rail
 
 
 def test_D3_the_clock_of_a_late_record_moves_none_after_it() -> None:
     """Of two overtaken datagrams, the second is late by its numbers alone."""
-    first = [rdt.encode_record(COUNTS, SPAN - 3 + step, SPAN - 21 + 7 * step) for step in range(4)]
+    first = [sim.encode_record(COUNTS, SPAN - 3 + step, SPAN - 21 + 7 * step) for step in range(4)]
     second = [record(n, ticks=7 * n + 11) for n in (37, 38)]
     later = [[record(n, ticks=7 * n + 11) for n in (n, n + 1)] for n in (39, 41, 43)]
     records = scanner()
