@@ -1,4 +1,6 @@
-"""Devices, one file or folder each: bytes to samples, permits to bytes; pure. `shared` has their common parts.
+"""Devices, each in one file or folder: decoders turn bytes into samples, gripper sessions turn permits into bytes.
+
+The room is pure. `shared` has the common parts of the devices.
 
 `DEVICES` maps names to devices. A device is a module or package of this folder with a ``DEVICE``, or the ``DEVICE`` of
 another installed package, named by its entry points ``slipd.devices`` (docs/adding_a_device.md). It is loaded on first

@@ -135,7 +135,7 @@ SETTLE_NS = 500_000_000
 
 _TEXT_KEPT = 512  # bytes; a banner has fewer than 100
 
-_FRAMES = "frames"  # are an answer to a step with this `Step.reply`, beside its acknowledgement
+_FRAMES = "frames"  # `Step.reply` of a step that frames answer as well as an acknowledgement does
 
 
 class Session(SensorSession[Decoder]):

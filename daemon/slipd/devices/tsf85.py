@@ -46,9 +46,9 @@ class Decoder(FrameDecoder):
     """Return a tactile sample of every static block; ``source`` is the finger, "0" or "1".
 
     ``values`` has shape (28,), raw counts, row by row: 7 rows of 4 columns. The dynamic taxel, the inertial sensors and
-    the temperature are ignored; packets without a static block give no sample, and neither does a repeated array: it is
-    the image of the same refresh. `health.good` counts samples. The
-    packets have no sequence number, so `health.lost` stays 0.
+    the temperature are ignored. Packets without a static block give no sample, and neither does a repeated array, which
+    is the image of the same refresh. `health.good` counts samples. The packets have no sequence number, so
+    `health.lost` stays 0.
 
     After bytes that belong to no packet, a packet is unconfirmed: it is decoded when another packet follows it without
     a gap, and dropped and counted as bad if none does. So noise is accepted only if it forms two packets in a row. A

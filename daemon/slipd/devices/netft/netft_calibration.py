@@ -1,4 +1,4 @@
-"""What a Net F/T or Ethernet Axia reports of itself and can be told: the value of a count, and its output rate.
+"""Calibration and output rate of a Net F/T or Ethernet Axia: reading both from the sensor, and setting the rate.
 
 Source of the calibration: ATI Ethernet Axia manual (READCALINFO over TCP, the page ``netftapi2.xml`` over HTTP). The
 output rate is read on that page, set by a CGI, and judged by the page again: ATI manual 9620-05-NET FT, section 8 (a

@@ -1,4 +1,4 @@
-"""What a Robotiq gripper is asked to do: the states of the session, the queue of its register writes, and its line.
+"""Commands of a Robotiq gripper: the states of its session, the queue of register writes, and the Modbus line.
 
 An activation is two writes, "clear" and "activate", after which the fingers open and close fully. While it is queued
 the gripper is unchanged; once "clear" is sent it is not active, even if a reading already on the line reports so.

@@ -1,4 +1,4 @@
-"""Frame search in a byte stream that may start anywhere, lose bytes, and contain noise.
+"""Search for frames and messages in a byte stream that may start anywhere, lose bytes, and contain noise.
 
 After a candidate that fails, the search advances by one byte. So a header byte inside a float does not keep the search
 misaligned, and a good frame after a damaged one is not lost.
@@ -19,8 +19,10 @@ NO_FRAME = -1
 """What ``measure`` returns where no frame begins."""
 
 PAUSE_NS = 100_000_000
-"""The bytes of a frame follow each other without gaps, but for a late USB adapter: after a pause this long, the rest of
-a frame does not count, because its reading would be dated at its last byte."""
+"""A partial frame is dropped after a pause this long, because its reading would be dated at its last byte.
+
+The bytes of a frame follow each other without gaps, except on a late USB adapter, whose gaps are shorter.
+"""
 
 
 class FrameScanner:

@@ -1,10 +1,10 @@
 """The 36-byte RDT record of force/torque sensors on UDP, and the requests that start and stop it.
 
 Used by the ATI Net F/T and Ethernet Axia, and by the OptoForce Ethernet converter. A record, big-endian: record number
-(u32), sensor clock in ticks (u32), status (u32), force x y z and torque x y z in counts (6 × i32). It has neither sync
-nor checksum (UDP has one), so after lost bytes the scanner finds the records again by what must be consistent from one
-record to the next. A record that overtook another on the network, a repeated one
-and a lost one are told apart here.
+(u32), sensor clock in ticks (u32), status (u32), force x y z and torque x y z in counts (6 × i32).
+
+A record has neither sync nor checksum (UDP has one). After lost bytes the scanner finds records again by what must be
+consistent from one record to the next. It tells late, repeated and lost records apart.
 
 Source: ATI Ethernet Axia manual, OptoForce Ethernet converter manual.
 """

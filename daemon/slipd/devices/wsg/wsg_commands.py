@@ -1,4 +1,4 @@
-"""What a WSG gripper is asked to do: the states of the session, and the queue of its commands.
+"""Commands of a WSG gripper: the states of its session, and the queue of commands.
 
 An activation is the homing command, which moves the fingers over their whole stroke. While it is queued the gripper is
 unchanged; once it is sent, the gripper is not ready until homing ends.
