@@ -122,10 +122,15 @@ class LiveView:
 
 def change_line(body: dict[str, Any]) -> str:
     """Return one line for a message of topic ``warning``: the level of a finger has changed."""
-    reasons = "; ".join(filter(None, (_reasons(body), _evidence(body))))
+    reasons = change_reasons(body)
     change = f"{plain(body.get('previous'))} → {plain(body.get('level'))}"
     line = f"{clock_time(body.get('timestamp') or 0.0)}  {plain(body.get('finger'))} {change}"
     return f"{line}  ({reasons})" if reasons else line
+
+
+def change_reasons(body: dict[str, Any]) -> str:
+    """Return why the level of a message of topic ``warning`` has changed; "" for no reasons."""
+    return "; ".join(filter(None, (_reasons(body), _evidence(body))))
 
 
 def _level(body: dict[str, Any]) -> str:

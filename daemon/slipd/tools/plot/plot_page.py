@@ -11,6 +11,7 @@ from slipd.tools.plot.binned_track import Window
 from slipd.tools.plot.chart import COLOURS, SPAN_COLOURS, chart
 from slipd.tools.plot.chart_svg import chart_svg, snapshot_svg
 from slipd.tools.plot.run_tracks import MOST_CHANGES, Change, ChangeLog, RunTracks
+from slipd_client.live_view import change_reasons
 from slipd_client.terminal import UNKNOWN
 
 GENERATOR = "slipd plot"
@@ -89,10 +90,8 @@ def _caption(change: Change) -> str:
     """Return a change of level in two lines: what changed, and why."""
     body = change.warning
     used = "" if body["utilisation"] is None else f", λ {body['utilisation']:.2f}"
-    moves = f"; moves by {', '.join(body['evidence'])}" if body["evidence"] else ""
-    why = (", ".join(body["reasons"]) or "no reasons") + moves
     what = f"{change.t_s:.3f} s {body['finger']}: {body['level']}{used}"
-    return f"{escape(what)}<br>{escape(why)}"
+    return f"{escape(what)}<br>{escape(change_reasons(dict(body)) or 'no reasons')}"
 
 
 def _changes(log: ChangeLog) -> Iterator[str]:

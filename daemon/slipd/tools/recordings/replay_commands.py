@@ -29,6 +29,7 @@ from slipd.recording.reader import EventGaps, Recording, open_recording
 from slipd.recording.replay import PlaybackPace, replay
 from slipd_client.arguments import ListenAddress
 from slipd_client.errors import CallError
+from slipd_client.live_view import change_reasons
 from slipd_client.messages import WARNING_TOPIC
 from slipd_client.page.page_server import PageServer, answer, json_answer
 
@@ -108,11 +109,9 @@ def _print_json(_: int, topic: str, body: dict[str, Any]) -> None:
 
 def _print_change(begin_ns: int, topic: str, body: dict[str, Any]) -> None:
     if topic == WARNING_TOPIC:
-        reasons = ", ".join(body["reasons"]) or "none"
-        if body["evidence"]:
-            reasons += f"; moves by {', '.join(body['evidence'])}"
         at_s = (body["t_ns"] - begin_ns) * 1e-9
-        print(f"{at_s:12.3f} s  {body['finger']}: {body['previous']} → {body['level']} ({reasons})")
+        why = change_reasons(body) or "none"
+        print(f"{at_s:12.3f} s  {body['finger']}: {body['previous']} → {body['level']} ({why})")
 
 
 def view_recording(path: Path, listen: ListenAddress) -> None:

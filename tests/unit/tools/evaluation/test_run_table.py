@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import textwrap
 from pathlib import Path
 
 import pytest
+from project import ROOT
 from replays import RECORDINGS
 
 from slipd import __version__
@@ -51,6 +53,16 @@ def test_a_row_has_the_figures_of_its_run(tmp_path: Path) -> None:
     again = parquet.read_table(path).to_pylist()
     write_table(path, finished_runs([XELA], [], cache))
     assert parquet.read_table(path).to_pylist() == again, "the time of computing is that of the first evaluation"
+
+
+def test_the_snippet_of_the_page_reads_a_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = (ROOT / "docs" / "batches.md").read_text(encoding="utf-8")
+    write_table(tmp_path / "runs.parquet", finished_runs([XELA], [], ResultCache(tmp_path / "results")))
+    monkeypatch.chdir(tmp_path)
+    exec(textwrap.dedent(page[page.index("    import pyarrow") :].partition("\n\n")[0]))
+    assert "'config': 'recorded', 'warnings_mean': " in capsys.readouterr().out
 
 
 def test_a_row_says_why_a_run_is_incomplete(tmp_path: Path) -> None:
