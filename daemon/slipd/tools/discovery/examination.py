@@ -255,7 +255,7 @@ def _values(samples: Sequence[Sample]) -> Iterator[Finding]:
         yield Finding("wrong", "some values are not finite")
         return
     if len(values) > 1 and np.all(values == values[0]):
-        yield Finding("look", "every reading is the same to the last digit: is its electronics without a sensor?")
+        yield Finding("look", "every reading is the same to the last digit: is a sensor connected to its electronics?")
     if isinstance(newest, WrenchSample):
         yield from _wrench(values, has_torque=newest.has_torque)
         return
