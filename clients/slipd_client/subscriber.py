@@ -124,28 +124,22 @@ class SubscriberBase(abc.ABC):
 
     async def _received(self, timeout_s: float | None) -> Message | None:
         """Return the next message; None when none came in time."""
-        return await self._next(None if timeout_s is None else time.monotonic() + timeout_s)
+        until = None if timeout_s is None else time.monotonic() + timeout_s
+        while (frames := await self._frames(until)) is not None:
+            if (message := self._accept(frames)) is not None:
+                return message
+            if until is not None and time.monotonic() > until:
+                break
+        return None
 
     async def _awaited(self) -> Message:
         """Return the next message of an iteration."""
         while True:
             check_held()
-            message = await self._next(self._patient_until(), by_silence=True)
-            if message is not None:
+            frames = await self._frames(self._patient_until())
+            if frames is not None and (message := self._accept(frames)) is not None:
                 return message
             self.check_silence()
-
-    async def _next(self, until: float | None, by_silence: bool = False) -> Message | None:
-        """Return the next message before ``until``; ``by_silence``: any message moves ``until`` on."""
-        while (frames := await self._frames(until)) is not None:
-            message = self._accept(frames)
-            if message is not None:
-                return message
-            if by_silence:
-                until = self._patient_until()
-            if until is not None and time.monotonic() > until:
-                break
-        return None
 
     def _accept(self, frames: list[bytes]) -> Message | None:
         """Return the message in these frames; None for one that is unreadable, a repeat, or not asked for."""

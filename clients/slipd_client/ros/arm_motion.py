@@ -216,13 +216,7 @@ class Transforms:
         Raises:
             OrientationUnknown: It is not known.
         """
-        refused: OrientationUnknown | None = None
-        for message, static in self._arrived():
-            for transform in message.transforms:
-                try:
-                    self._tree.add(transform, now_s, static=static)
-                except OrientationUnknown as error:
-                    refused = error
+        refused = next(filter(None, [*self._update(now_s)]), None)
         try:
             return self._tree.orientation(self._base, self._hand, now_s)
         except OrientationUnknown as error:
@@ -230,21 +224,26 @@ class Transforms:
 
     def read(self, now_s: float) -> Iterator[tuple[int, ArmReading | None]]:
         """Yield the stamp of each pose that has arrived, ns, and the motion if it gave one."""
-        for message, static in self._arrived():
+        for refused in self._update(now_s):
             try:
-                for transform in message.transforms:
-                    self._tree.add(transform, now_s, static=static)
                 pose = self._tree.pose(self._base, self._hand, now_s)
             except OrientationUnknown as error:
-                self.trouble = str(error)
+                self.trouble = str(refused or error)
             else:
                 self.trouble = self._slow
                 yield pose.stamp_ns, self._motion.add(pose)
 
-    def _arrived(self) -> Iterator[tuple[Any, bool]]:
+    def _update(self, now_s: float) -> Iterator[OrientationUnknown | None]:
+        """Update the tree with each message that has arrived; yield why a transform of it is not used, or None."""
         for reader in (self._static, self.reader):
             for message in taken(reader):
-                yield message, reader is self._static
+                refused: OrientationUnknown | None = None
+                for transform in message.transforms:
+                    try:
+                        self._tree.add(transform, now_s, static=reader is self._static)
+                    except OrientationUnknown as error:
+                        refused = error
+                yield refused
 
 
 class Imu:
