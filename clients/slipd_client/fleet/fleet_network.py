@@ -53,7 +53,9 @@ _SETTINGS: dict[str, Any] = {
 """Settings that hold where no configuration file is given."""
 
 
-_TOPIC = re.compile(r"[a-z0-9_]+(\.[a-z0-9_]+)?")
+TOPIC = re.compile(r"[a-z0-9_]+(\.[a-z0-9_]+)?")
+"""Topic of the daemon, which is the last part of a key."""
+
 _PLACE = re.compile(r"\s+at /\S+\.rs:\d+\.?")
 
 
@@ -148,7 +150,7 @@ def message_key(fleet: str, robot: str, topic: str) -> str:
     Raises:
         CallError: The topic is not one of the daemon, or does not fit into one part of a key.
     """
-    if not _TOPIC.fullmatch(topic):
+    if not TOPIC.fullmatch(topic):
         raise CallError(f"topic must be a word, or two joined by a dot, got {topic!r:.80}")
     return f"{fleet}/{robot}/{topic}"
 

@@ -19,8 +19,8 @@ import zenoh
 import zmq
 from zenoh.ext import AdvancedPublisher, CacheConfig, MissDetectionConfig, declare_advanced_publisher
 
-from slipd_client.errors import CallError, ConnectionClosed
-from slipd_client.fleet.fleet_network import Reach, configuration, described, message_key, opened
+from slipd_client.errors import ConnectionClosed
+from slipd_client.fleet.fleet_network import TOPIC, Reach, configuration, described, message_key, opened
 from slipd_client.fleet.fleet_state import BRIDGE, DAEMON
 from slipd_client.keys import Keys
 from slipd_client.link import Link
@@ -161,7 +161,6 @@ class Bridge:
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._serve_warnings, name="warnings", daemon=True)
         self._silent = False
-        self._left_out_told = False
         self._warnings.socket.setsockopt(zmq.SUBSCRIBE, WARNING_TOPIC.encode())
         for word in [""] if topics is None else sorted({*topics, STATUS_TOPIC} - {WARNING_TOPIC}):
             self._others.socket.setsockopt(zmq.SUBSCRIBE, word.encode())
@@ -187,7 +186,7 @@ class Bridge:
                     for each in (frames, *self._others.newest(MOST_TAKEN)):
                         self._forward(each, now_s)
                 for topic, payload in self._limit.due(now_s):
-                    self._put(topic, payload)
+                    self._publisher.put(topic, payload)
                 if now_s - heard_s >= SILENCE_S and not self._silent:
                     self._report_silence()
         finally:
@@ -197,21 +196,12 @@ class Bridge:
         raise ConnectionClosed("the Zenoh session was closed")
 
     def _forward(self, frames: list[bytes], now_s: float) -> None:
-        """Publish a message of any topic but ``warning``, unless its topic comes too often."""
+        """Publish a message of any topic but ``warning`` that fits into a key, unless its topic comes too often."""
         topic = frames[0].decode("ascii", "replace")
-        if len(frames) != 2 or topic == WARNING_TOPIC:
+        if len(frames) != 2 or topic == WARNING_TOPIC or not TOPIC.fullmatch(topic):
             return
         if self._limit.passes(topic, frames[1], now_s):
-            self._put(topic, frames[1])
-
-    def _put(self, topic: str, payload: bytes) -> None:
-        """Publish a message; leave out one whose topic does not fit into a key, and say so once."""
-        try:
-            self._publisher.put(topic, payload)
-        except CallError as error:
-            if not self._left_out_told:
-                print(f"slipctl: left out: {error}", file=sys.stderr, flush=True)
-            self._left_out_told = True
+            self._publisher.put(topic, frames[1])
 
     def _serve_warnings(self) -> None:
         with contextlib.suppress(ConnectionClosed):
