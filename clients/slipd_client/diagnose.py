@@ -136,8 +136,7 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
     def status() -> str:
         with GripClient(chosen.requests, keys=keys) as client:
             reply = client.status()
-        for name in ("recording", "run_recording"):
-            recordings.extend(filter(None, [(dict(reply).get(name) or {}).get("path")]))
+        recordings.extend(part.path for part in (reply.recording, reply.run_recording) if part and part.path)
         return json.dumps({**reply, "repairs": [repair.as_map() for repair in repairs(reply)]}, indent=1)
 
     bundle.add("status.json", status)

@@ -105,7 +105,9 @@ class SubscriberBase(abc.ABC):
         if time.monotonic() < self._silent_at():
             return
         self._since_s = time.monotonic()
-        unreadable = f"; {self.bad} could not be read, the last: {self.bad_reason}" if self.bad else ""
+        unreadable = (
+            f"; {self.bad} could not be read, the last: {self.bad_reason} (another version?)" if self.bad else ""
+        )
         where = self.endpoint
         raise Silence(f"no message from {where} for {self._silence_s:g} s{unreadable}. {hint_for(where)}")
 
