@@ -9,10 +9,10 @@ from __future__ import annotations
 from slipd.devices import Device
 from slipd.devices.external_gripper import external_gripper_message as wire
 from slipd.devices.external_gripper.external_gripper_message import Decoder, Foreign, Registration, Report, sample
-from slipd.devices.shared.command_queue import CommandQueue, QueuedCommand, QueuedGripperSession
+from slipd.devices.shared.command_queue import SETS_FORCE, STOP, CommandQueue, QueuedCommand
 from slipd.devices.shared.device_interface import check_integer
-from slipd.devices.shared.gripper_session import FAULT_REPORTS, MOTIONS, Event, State, Table, report_of
-from slipd.devices.shared.waiting_commands import SETS_FORCE, STOP
+from slipd.devices.shared.gripper_session import QueuedGripperSession
+from slipd.devices.shared.gripper_states import FAULT_REPORTS, MOTIONS, Event, State, Table, report_of
 from slipd.types.samples import GripperSample
 
 __all__ = ["DEVICE", "Decoder", "Session"]

@@ -29,9 +29,10 @@ from slipd.devices.robotiq_2f.robotiq_registers import (
     parse_status,
 )
 from slipd.devices.shared import modbus
+from slipd.devices.shared.command_queue import STOP
 from slipd.devices.shared.device_interface import DecoderHealth, check_integer
-from slipd.devices.shared.gripper_session import Event, GripperSessionBase, State
-from slipd.devices.shared.waiting_commands import STOP
+from slipd.devices.shared.gripper_session import GripperSessionBase
+from slipd.devices.shared.gripper_states import Event, State
 from slipd.types.samples import GripperSample
 
 __all__ = ["DEVICE", "Decoder", "Session"]

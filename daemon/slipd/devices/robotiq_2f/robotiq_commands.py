@@ -23,9 +23,9 @@ from slipd.devices.robotiq_2f.robotiq_registers import (
     Units,
 )
 from slipd.devices.shared import modbus
+from slipd.devices.shared.command_queue import STOP, Command, WaitingCommands
 from slipd.devices.shared.device_interface import DecoderHealth
-from slipd.devices.shared.gripper_session import MOTIONS, REPORTS, Event, State, Table
-from slipd.devices.shared.waiting_commands import STOP, Command, WaitingCommands
+from slipd.devices.shared.gripper_states import MOTIONS, REPORTS, Event, State, Table
 
 _REPORTS = REPORTS | {Event.REPORTED_ACTIVATING: State.ACTIVATING}
 _ALWAYS = {Event.ACTIVATE: State.ACTIVATION_QUEUED, Event.FELL_SILENT: State.WAITING}

@@ -1,20 +1,97 @@
-"""Queue that sends commands one at a time, repeats an unanswered one a limited number of times, and its sessions.
+"""Commands of a gripper: what each does to the force in effect, those that wait, and the queue that sends them.
 
-Several gripper sessions share it. It handles commands, answers and time, but does not know what they mean. When a
-command stays unanswered, all waiting commands are dropped with it, because a later motion would come as a surprise.
+A queue sends commands one at a time, and repeats an unanswered one a limited number of times. It handles commands,
+answers and time, but does not know what they mean. When a command stays unanswered, all waiting commands are dropped
+with it, because a later motion would come as a surprise.
 """
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Generic, TypeVar
 
 from slipd.devices.shared.device_interface import DecoderHealth
-from slipd.devices.shared.gripper_session import Event, GripperSessionBase, State, check_range
-from slipd.devices.shared.waiting_commands import SETS_FORCE, STOP, Command, WaitingCommands
+
+STOP = "stop"
+"""Kind of the command that no drop removes."""
+SETS_FORCE = ("move", "force")
+"""Kinds of the commands that only an active gripper obeys."""
+_ACTIVATES = ("clear", "activate")
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One command.
+
+    Attributes:
+        kind: "activate" (of a Robotiq after "clear"), "move", "force", "stop", "acknowledge" or another.
+        force_n: Force that it sets or moves with, N on one pad; None if it has none.
+    """
+
+    kind: str
+    force_n: float | None
+
+    @property
+    def activates(self) -> bool:
+        """Whether it makes the gripper ready, so that earlier forces no longer apply."""
+        return self.kind in _ACTIVATES
+
+    def force_after(self, force_n: float | None) -> float | None:
+        """Return the force in effect after this command, given the one before, N."""
+        return self.force_n if self.activates or self.force_n is not None else force_n
+
+
+C = TypeVar("C", bound=Command)
+
+
+class WaitingCommands(Generic[C]):
+    """Commands that wait, in order, and the forces of those before.
+
+    Attributes:
+        waiting: Commands that are not sent yet.
+        acknowledged_n: Force that the gripper acknowledged last, N; None if none since it was made ready.
+    """
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Start again: nothing waits, nothing was sent."""
+        self.waiting: list[C] = []
+        self.acknowledged_n: float | None = None
+        self._sent_n: float | None = None
+
+    @property
+    def force_n(self) -> float | None:
+        """Force in effect after all waiting commands, N; None if none was set since the gripper was made ready."""
+        force_n = self._sent_n
+        for command in self.waiting:
+            force_n = command.force_after(force_n)
+        return force_n
+
+    def forget_force(self) -> None:
+        """Record that the gripper no longer has the force that was sent."""
+        self._sent_n = self.acknowledged_n = None
+
+    def drop(self) -> bool:
+        """Drop waiting commands except a stop; return whether there were any."""
+        kept = [command for command in self.waiting if command.kind == STOP]
+        dropped = len(kept) < len(self.waiting)
+        self.waiting = kept
+        return dropped
+
+    def send(self) -> C:
+        """Take out the next command, which is sent now."""
+        command = self.waiting.pop(0)
+        self._sent_n = command.force_after(self._sent_n)
+        return command
+
+    def acknowledged(self, command: Command) -> None:
+        """Record that the gripper acknowledged a command."""
+        self.acknowledged_n = command.force_after(self.acknowledged_n)
+
 
 ATTEMPTS = 3
 """A command that is unanswered this often is lost."""
@@ -144,85 +221,3 @@ class CommandQueue(WaitingCommands[QueuedCommand], ABC):
             self._attempts = 0
         else:
             self.waiting.insert(0, command)
-
-
-Range = tuple[float, float]
-UNKNOWN_RANGE = 0.0, math.inf
-Queue = TypeVar("Queue", bound=CommandQueue)
-
-
-class QueuedGripperSession(GripperSessionBase[Queue]):
-    """Session that sends one command at a time, to a gripper that reports its own ranges.
-
-    A subclass sets ``decoder`` too.
-
-    Attributes:
-        width_range_m: Smallest and largest width between the pads, m; (0, inf) until the gripper reports them.
-        force_range_n: Smallest and largest force, N on one pad; likewise.
-        speed_range_mps: Smallest and largest speed, m/s; None if it cannot be set, or until the gripper reports them.
-    """
-
-    decoder: Any
-
-    def _reset(self, state: State) -> None:
-        super()._reset(state)
-        self.decoder.forget()
-        self.identity = ""
-        self._set_ranges()
-        self._fault = ""  # in the last reading
-
-    @property
-    def command_lost(self) -> bool:
-        """Whether the last command was refused, was never acknowledged, or reached a gripper that could not obey."""
-        return bool(self._queue.failure)
-
-    def applied_n(self, force_n: float) -> float:
-        """Return ``force_n``: a force has no steps."""
-        return force_n
-
-    def drop(self) -> bool:
-        """Drop commands that are not sent yet, except a stop; do not repeat unanswered ones."""
-        dropped = self._queue.drop()
-        self._follow_activation()
-        return dropped
-
-    def acknowledge(self) -> None:
-        """Forget that a command was lost, and acknowledge a fault if the gripper reports one."""
-        self._queue.failure = ""
-        if self._fault:
-            self._queue.acknowledge()
-            self._follow_activation()
-
-    def _move(self, width_m: float, speed_mps: float | None, force_n: float) -> bool:
-        if not self._accepts(Event.MOVE):
-            return False
-        if speed_mps is not None:
-            check_range("speed", speed_mps, self.speed_range_mps or (0.0, 0.0), "m/s")
-        check_range("width", width_m, self.width_range_m, "m")
-        self._handle_event(Event.MOVE)
-        self._queue.move(width_m, speed_mps, self._in_range(force_n))
-        return True
-
-    def _set_force(self, force_n: float) -> None:
-        self._queue.set_force(self._in_range(force_n))
-
-    def _set_ranges(
-        self, width_m: Range = UNKNOWN_RANGE, force_n: Range = UNKNOWN_RANGE, speed_mps: Range | None = None
-    ) -> None:
-        """Set the ranges that the gripper reports."""
-        self.width_range_m, self.force_range_n, self.speed_range_mps = width_m, force_n, speed_mps
-
-    def _in_range(self, force_n: float) -> float:
-        """Return the nearest force that the gripper has."""
-        least, most = self.force_range_n
-        return min(max(force_n, least), most)
-
-    def _follow_activation(self) -> None:
-        """Update the state with the outcome of a queued activation."""
-        if any(command.activates for command in self._queue.waiting):
-            return
-        sent = self._queue.outstanding
-        if sent is not None and sent.activates:
-            self._handle_event(Event.ACTIVATION_SENT)
-        elif self._handle_event(Event.ACTIVATION_GONE):
-            self._repeat_report()

@@ -1,19 +1,18 @@
-"""Sessions with grippers: their interface, and what they share.
+"""Sessions with grippers: their interface, which `slipd.devices` exports, and what they share.
 
-`slipd.devices` exports the interface. Permits become motions by a state machine, which is a table: for each state, the
-events that it accepts and the state that follows. The table defines the machine completely.
+`GripperSessionBase` carries out permits; `QueuedGripperSession` is for grippers that answer one command at a time and
+report their own ranges.
 """
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from enum import Enum
 from typing import Any, ClassVar, Generic, Protocol, TypeVar, runtime_checkable
 
+from slipd.devices.shared.command_queue import CommandQueue, WaitingCommands
 from slipd.devices.shared.device_interface import Session
-from slipd.devices.shared.waiting_commands import WaitingCommands
+from slipd.devices.shared.gripper_states import Event, State, Table
 from slipd.types.permit import Permit
 
 
@@ -92,82 +91,6 @@ class GripperSession(Session, Protocol):
 
     def acknowledge(self) -> None:
         """Forget that a command was lost, and acknowledge the fault to the gripper; move nothing."""
-
-
-class State(Enum):
-    """State of a session and its gripper, for all grippers; each has a table of those that it knows."""
-
-    CLOSED = "closed"
-    UNREGISTERED = "unregistered"
-    """Connected, but no driver is registered, or another one than before."""
-    WAITING = "waiting"
-    """No status was received yet, or none since an activation ended halfway; or the configuration is incomplete."""
-    SILENT = "silent"
-    """It no longer sends."""
-    INACTIVE = "inactive"
-    """It must be activated: switched on, or sent to its reference."""
-    ACTIVE = "active"
-    FAULTY = "faulty"
-    """It is active and reports a fault; it accepts only a stop or an activation."""
-    ACTIVATION_QUEUED = "activation queued"
-    """Nothing of the activation is sent."""
-    CLEARED = "cleared"
-    """The first of two writes of an activation is sent."""
-    ACTIVATING = "activating"
-    REACTIVATION_QUEUED = "reactivation queued"
-    """An activation is in progress, and queued again."""
-    SETTLING = "settling"
-    """An activation ended, was stopped or dropped, and no reading was received since."""
-
-
-class Event(Enum):
-    """Events of a session with a gripper; the first four are the kinds of permits."""
-
-    ACTIVATE = "activate"
-    MOVE = "move"
-    SET_FORCE = "set_force"
-    HALT = "halt"
-    DROP = "drop"
-    """Unsent commands are dropped."""
-    GIVE_UP = "give up"
-    """Unsent commands are dropped because the gripper refused one."""
-    CLEAR_SENT = "clear sent"
-    CLEAR_REPEATED = "clear repeated"
-    """The first write of an activation was not answered: both are queued again."""
-    ACTIVATION_SENT = "activation sent"
-    ACTIVATION_REPEATED = "activation repeated"
-    """The activation was not answered: it is queued again."""
-    ACTIVATION_GONE = "activation gone"
-    """It neither waits nor is unanswered any more: it was dropped, or answered."""
-    ACTIVATION_ENDED = "activation ended"
-    """The gripper reports its end, or it took too long."""
-    REGISTERED = "registered"
-    STRANGER = "stranger"
-    """A driver of another name registered on the same connection."""
-    REPORTED_INACTIVE = "reported inactive"
-    REPORTED_ACTIVATING = "reported activating"
-    REPORTED_ACTIVE = "reported active"
-    REPORTED_FAULT = "reported fault"
-    FELL_SILENT = "fell silent"
-
-
-Table = Mapping[State, Mapping[Event, State]]
-"""For each state of a gripper, the events that it accepts and the state that follows.
-
-Opening and closing the link set the state.
-"""
-
-REPORTS = {Event.REPORTED_INACTIVE: State.INACTIVE, Event.REPORTED_ACTIVE: State.ACTIVE}
-FAULT_REPORTS = REPORTS | {Event.REPORTED_FAULT: State.FAULTY}
-MOTIONS = dict.fromkeys((Event.MOVE, Event.SET_FORCE, Event.HALT), State.ACTIVE)
-"""An active gripper stays active."""
-
-
-def report_of(*, active: bool, fault: str) -> Event:
-    """Return the event of a reading, whose ``fault`` is "" where the gripper reports none."""
-    if not active:
-        return Event.REPORTED_INACTIVE
-    return Event.REPORTED_FAULT if fault else Event.REPORTED_ACTIVE
 
 
 Queue = TypeVar("Queue", bound=WaitingCommands[Any])
@@ -264,6 +187,88 @@ class GripperSessionBase(ABC, Generic[Queue]):
     @abstractmethod
     def _halt(self) -> bool:
         """Stop the fingers where they are, if the state accepts it; return whether anything is sent or dropped."""
+
+
+Range = tuple[float, float]
+UNKNOWN_RANGE = 0.0, math.inf
+CommandsT = TypeVar("CommandsT", bound=CommandQueue)
+
+
+class QueuedGripperSession(GripperSessionBase[CommandsT]):
+    """Session that sends one command at a time, to a gripper that reports its own ranges.
+
+    A subclass sets ``decoder`` too.
+
+    Attributes:
+        width_range_m: Smallest and largest width between the pads, m; (0, inf) until the gripper reports them.
+        force_range_n: Smallest and largest force, N on one pad; likewise.
+        speed_range_mps: Smallest and largest speed, m/s; None if it cannot be set, or until the gripper reports them.
+    """
+
+    decoder: Any
+
+    def _reset(self, state: State) -> None:
+        super()._reset(state)
+        self.decoder.forget()
+        self.identity = ""
+        self._set_ranges()
+        self._fault = ""  # in the last reading
+
+    @property
+    def command_lost(self) -> bool:
+        """Whether the last command was refused, was never acknowledged, or reached a gripper that could not obey."""
+        return bool(self._queue.failure)
+
+    def applied_n(self, force_n: float) -> float:
+        """Return ``force_n``: a force has no steps."""
+        return force_n
+
+    def drop(self) -> bool:
+        """Drop commands that are not sent yet, except a stop; do not repeat unanswered ones."""
+        dropped = self._queue.drop()
+        self._follow_activation()
+        return dropped
+
+    def acknowledge(self) -> None:
+        """Forget that a command was lost, and acknowledge a fault if the gripper reports one."""
+        self._queue.failure = ""
+        if self._fault:
+            self._queue.acknowledge()
+            self._follow_activation()
+
+    def _move(self, width_m: float, speed_mps: float | None, force_n: float) -> bool:
+        if not self._accepts(Event.MOVE):
+            return False
+        if speed_mps is not None:
+            check_range("speed", speed_mps, self.speed_range_mps or (0.0, 0.0), "m/s")
+        check_range("width", width_m, self.width_range_m, "m")
+        self._handle_event(Event.MOVE)
+        self._queue.move(width_m, speed_mps, self._in_range(force_n))
+        return True
+
+    def _set_force(self, force_n: float) -> None:
+        self._queue.set_force(self._in_range(force_n))
+
+    def _set_ranges(
+        self, width_m: Range = UNKNOWN_RANGE, force_n: Range = UNKNOWN_RANGE, speed_mps: Range | None = None
+    ) -> None:
+        """Set the ranges that the gripper reports."""
+        self.width_range_m, self.force_range_n, self.speed_range_mps = width_m, force_n, speed_mps
+
+    def _in_range(self, force_n: float) -> float:
+        """Return the nearest force that the gripper has."""
+        least, most = self.force_range_n
+        return min(max(force_n, least), most)
+
+    def _follow_activation(self) -> None:
+        """Update the state with the outcome of a queued activation."""
+        if any(command.activates for command in self._queue.waiting):
+            return
+        sent = self._queue.outstanding
+        if sent is not None and sent.activates:
+            self._handle_event(Event.ACTIVATION_SENT)
+        elif self._handle_event(Event.ACTIVATION_GONE):
+            self._repeat_report()
 
 
 def check_range(name: str, value: float, bounds: tuple[float, float], unit: str, tolerance: float = 0.0) -> None:

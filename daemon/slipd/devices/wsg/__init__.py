@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from slipd.devices import Device, GripRange, RateOption
 from slipd.devices.shared import weiss_packets as weiss
-from slipd.devices.shared.command_queue import QueuedGripperSession
 from slipd.devices.shared.device_interface import check_integer
 from slipd.devices.shared.frame_scanner import FrameDecoder
-from slipd.devices.shared.gripper_session import Event, State, report_of
+from slipd.devices.shared.gripper_session import QueuedGripperSession
+from slipd.devices.shared.gripper_states import Event, State, report_of
 from slipd.devices.shared.sensor_session import StartupSequence, Step
 from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, PacketScanner
 from slipd.devices.wsg import wsg_messages as wire

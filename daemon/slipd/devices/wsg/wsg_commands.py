@@ -10,9 +10,8 @@ so that the object is clamped again; if not, only the limit changes and nothing 
 from __future__ import annotations
 
 from slipd.devices.shared import weiss_packets as weiss
-from slipd.devices.shared.command_queue import CommandQueue, QueuedCommand
-from slipd.devices.shared.gripper_session import FAULT_REPORTS, MOTIONS, Event, State, Table
-from slipd.devices.shared.waiting_commands import STOP
+from slipd.devices.shared.command_queue import STOP, CommandQueue, QueuedCommand
+from slipd.devices.shared.gripper_states import FAULT_REPORTS, MOTIONS, Event, State, Table
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.devices.wsg.wsg_messages import FINGERS, Reply
 
