@@ -31,8 +31,6 @@ BANNER = b"App Init"
 _BAUD_460800 = 4
 _ACK = re.compile(rb"r,\d,([A-Za-z]),(\d)")
 _IDENTITY = re.compile(rb"name: ([!-~][ -~]{0,39})[\r\n](?:[ -~]{0,80}+[\r\n]++){0,4}?S/N: (\d{1,20})[\r\n]")
-
-
 CONFIGURE, RUN = b"C\n", b"R\n"
 
 

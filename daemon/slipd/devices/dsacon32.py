@@ -20,7 +20,7 @@ from slipd.devices import Device, RateOption
 from slipd.devices.shared import weiss_tactile as tactile
 from slipd.devices.shared.device_interface import check_integer
 from slipd.devices.shared.sensor_session import ANSWER_NS
-from slipd.devices.shared.weiss_packets import SEED_AFTER_PREAMBLE, STATUS_WORDS, encode
+from slipd.devices.shared.weiss_packets import ALREADY_RUNNING, SEED_AFTER_PREAMBLE, STATUS_WORDS, encode
 from slipd.devices.shared.weiss_tactile import FULL_SCALE, MAX_CELLS, RLE, TactileDecoder, TactileSession, Words
 from slipd.types.samples import TactileSample
 
@@ -35,8 +35,6 @@ MATRIX_FIELDS = struct.Struct("<H2f2H6s2sB3f3ffB")
 ACQUIRE_FIELDS = struct.Struct("<BH")
 
 REPLY_SIZES = {CONTROLLER: CONTROLLER_FIELDS.size, SENSOR: SENSOR_FIELDS.size, ACQUIRE: 2, MATRIX: MATRIX_FIELDS.size}
-
-ALREADY_RUNNING = 4
 
 ERROR_WORDS = (*STATUS_WORDS[:12], *STATUS_WORDS[13:29])
 """Meaning of each error number: that of the other Weiss controllers, without their 12, "no parameter expected"."""

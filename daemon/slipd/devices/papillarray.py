@@ -60,8 +60,7 @@ _LATEST_US = 1 << 53  # 285 years
 _WIDTHS = (1, 2, 4)  # of an offset, bytes
 _PILLAR = np.dtype([("type", "<u2"), ("force_n", "<f4", 3), ("displacement_mm", "<f4", 3)])
 
-_Layout = tuple[tuple[int, ...], int, int]
-_LAYOUTS: dict[int, _Layout] = {
+_LAYOUTS: dict[int, tuple[tuple[int, ...], int, int]] = {
     PILLAR_FORCES: ((SENSORS, PILLARS), VECTORS_TYPE, VECTORS_FIELDS.size),
     TOTALS: ((SENSORS,), VECTORS_TYPE, VECTORS_FIELDS.size),
     PILLAR_SLIP: ((SENSORS, PILLARS), SLIP_TYPE, PILLAR_SLIP_FIELDS.size),

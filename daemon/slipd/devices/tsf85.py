@@ -113,15 +113,11 @@ class Decoder(FrameDecoder):
             if static is None or (static == before and t_ns - before_ns < REPEAT_NS):
                 continue
             self._newest[finger] = static, t_ns
-            time_ns = self._time_ns(blocks.get(TIMESTAMP | finger << 2))
+            stamp, unit_ns = blocks.get(TIMESTAMP | finger << 2), self._unit_ns
+            time_ns = None if stamp is None or unit_ns is None else int.from_bytes(stamp, "big") * unit_ns
             values = np.frombuffer(static, ">u2").astype(np.float64)
             samples.append(TactileSample(t_ns, time_ns, values, source=str(finger)))
         return samples
-
-    def _time_ns(self, stamp: bytes | None) -> int | None:
-        if stamp is None or self._unit_ns is None:
-            return None
-        return int.from_bytes(stamp, "big") * self._unit_ns
 
 
 def _measure(buffer: bytes, at: int) -> int:

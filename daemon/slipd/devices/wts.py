@@ -13,7 +13,8 @@ from functools import partial
 from slipd.devices import Device, RateOption
 from slipd.devices.shared import weiss_tactile as tactile
 from slipd.devices.shared.device_interface import check_integer
-from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, STATUS_WORDS, encode
+from slipd.devices.shared.sensor_session import ATTEMPTS
+from slipd.devices.shared.weiss_packets import ALREADY_RUNNING, SEED_WITH_PREAMBLE, STATUS_WORDS, encode
 from slipd.devices.shared.weiss_tactile import FULL_SCALE, MAX_CELLS, TactileDecoder, TactileSession, Words
 from slipd.types.samples import TactileSample
 
@@ -26,9 +27,6 @@ MAX_INTERVAL_MS = 65_535
 """The interval is sent in two bytes."""
 
 _TYPICAL_BYTES = 77  # 4 x 8 cells
-_ATTEMPTS = 4  # of the first query; the boot time of a module is unknown
-_NOT_RUNNING = range(1, 1 << 16)
-_ALREADY_RUNNING = (4,)
 
 SYSTEM_FIELDS = struct.Struct("<HBBHI")  # status, type, hardware revision, firmware, serial number
 MATRIX_FIELDS = struct.Struct("<6H")  # status, columns, rows, width and height of a cell in 10 µm, full scale
@@ -87,10 +85,11 @@ class Session(TactileSession[Decoder]):
         check_integer("interval_ms", interval_ms, 0, MAX_INTERVAL_MS)
         stop = encode_query(STOP)
         steps = [
-            _query("system information", encode_query(SYSTEM), handle=self._handle_system, attempts=_ATTEMPTS),
+            # the boot time of a module is unknown, so the first request has one more attempt than the others
+            _query("system information", encode_query(SYSTEM), handle=self._handle_system, attempts=ATTEMPTS + 1),
             _query("matrix information", encode_query(MATRIX), handle=self._handle_matrix),
-            _query("stop", stop, tolerates=_NOT_RUNNING),
-            _query("start", encode_start(interval_ms), tolerates=_ALREADY_RUNNING),
+            _query("stop", stop, tolerates=range(1, 1 << 16)),
+            _query("start", encode_start(interval_ms), tolerates=(ALREADY_RUNNING,)),
         ]
         super().__init__(Decoder(), steps, stop, interval_ms * 1_000_000)
 

@@ -38,7 +38,6 @@ NO_TAXELS = (
 REPEATED = "sensor {}: the server repeats its last values and time: does the pad have power, and is its CAN bus up?"
 
 AXES = 3
-_KEY = b'"message"'
 _BEGIN = re.compile(rb"\{")
 _REST = rb"[^{}]*+(?:\{[^{}]*+\}[^{}]*+)*+(?:(?P<end>\})|(?P<open>\{[^{}]*+)?\Z)"
 _AFTER = {1: re.compile(_REST), 2: re.compile(rb"[^{}]*+(?:\}" + _REST + rb"|(?P<inside>)\Z)")}
@@ -158,7 +157,7 @@ def _parse(data: bytes) -> dict[str, Any] | None:
 
     The server sends numbers such as ``.8365479``, which are not JSON: a zero is added before a second attempt.
     """
-    if _KEY not in data:
+    if b'"message"' not in data:
         return None
     text = data.decode("latin-1")  # one character per byte; only ASCII matters
     try:

@@ -26,7 +26,6 @@ MAX_STREAMS = 64
 Reading = WrenchSample | TactileSample | ObjectSample | ArmSample
 
 _SEQ_SPAN = 1 << 64
-_SPEED_KEYS = "object_speed_mps", "object_speed_std_mps"
 _BEGIN = re.compile(rb"[\x83-\x87](?:[\xa3-\xbb]|\Z)")  # a map of 3 to 7 fields, and a key of 3 to 27 bytes
 
 
@@ -89,7 +88,7 @@ def _sample(body: dict[str, Any], t_ns: int) -> Reading:
 def _object_sample(body: dict[str, Any], t_ns: int, status: tuple[str, ...]) -> ObjectSample:
     pose = body.get("object_pose", {})
     xyz_m, quat_xyzw = _optional(pose.get("xyz_m")), _optional(pose.get("quat_xyzw"))
-    speed, std = (None if body.get(key) is None else float(body[key]) for key in _SPEED_KEYS)
+    speed, std = (float(body[key]) if key in body else None for key in ("object_speed_mps", "object_speed_std_mps"))
     status = _with_validity(status, xyz_m, quat_xyzw, () if speed is None or std is None else (speed, std))
     return ObjectSample(t_ns, body["t_ns"], xyz_m, quat_xyzw, speed, std, status, body["stream"])
 

@@ -13,6 +13,7 @@ import re
 import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 from slipd.devices import Inquiry
 
@@ -144,19 +145,15 @@ def checked_hz(name: str, rate_hz: float) -> float:
     return rate_hz
 
 
-def _check_with(read: Callable[[bytes], Calibration | str | None]) -> Callable[[bytes], str]:
-    """Return the check of a complete answer."""
-
-    def check(answer: bytes) -> str:
-        found = read(answer)
-        return "the answer ends too early" if found is None else found if isinstance(found, str) else ""
-
-    return check
+def _answer_fault(read: Callable[[bytes], Calibration | str | None], answer: bytes) -> str:
+    """Return what is wrong with a complete answer; "" if nothing is."""
+    found = read(answer)
+    return "the answer ends too early" if found is None else found if isinstance(found, str) else ""
 
 
-TCP_INQUIRY = Inquiry(port=49_151, request=b"\x01" + bytes(19), reply_bytes=24, check=_check_with(read_tcp))
+TCP_INQUIRY = Inquiry(port=49_151, request=b"\x01" + bytes(19), reply_bytes=24, check=partial(_answer_fault, read_tcp))
 XML_INQUIRY = Inquiry(
-    port=80, request=b"GET /netftapi2.xml HTTP/1.0\r\n\r\n", reply_bytes=0, check=_check_with(read_xml)
+    port=80, request=b"GET /netftapi2.xml HTTP/1.0\r\n\r\n", reply_bytes=0, check=partial(_answer_fault, read_xml)
 )
 
 
@@ -206,11 +203,6 @@ def checked_output_hz(output_hz: int, calibration: str) -> int:
     return int(output_hz)
 
 
-def encode_change(output_hz: int) -> bytes:
-    """Return the request that sets the output rate."""
-    return f"GET /comm.cgi?comrdtrate={output_hz} HTTP/1.0\r\n\r\n".encode()
-
-
 def needed_change(output_hz: int, page: bytes) -> bytes:
     """Return the request that sets the rate; empty if the page reports that it is set, or reports no rate.
 
@@ -219,7 +211,9 @@ def needed_change(output_hz: int, page: bytes) -> bytes:
     calibration = read_xml(page)
     if not isinstance(calibration, Calibration) or calibration.output_hz is None:
         return b""
-    return b"" if _is_set(output_hz, calibration.output_hz, calibration) else encode_change(output_hz)
+    if _is_set(output_hz, calibration.output_hz, calibration):
+        return b""
+    return f"GET /comm.cgi?comrdtrate={output_hz} HTTP/1.0\r\n\r\n".encode()
 
 
 def rate_fault(output_hz: int, calibration: Calibration) -> str:

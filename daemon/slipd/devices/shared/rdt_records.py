@@ -49,7 +49,6 @@ The counts of a resting sensor sometimes look like one such record, but not like
 _FEW = 6
 """Up to this many records are read one by one as fast as together."""
 
-_NEW_STREAM_OFFSETS = range(0, _NEW_STREAM_NEEDS * RECORD_LENGTH, RECORD_LENGTH)
 _SEEK_BLOCK = 1024
 """Places that a search checks at once: enough to make the overhead of NumPy small."""
 
@@ -173,7 +172,8 @@ class RecordScanner(FrameScanner):
             followed = np.ones(count + (_NEW_STREAM_NEEDS - 1) * RECORD_LENGTH, bool)
             known = min(len(followed), end - at)
             followed[:known] = self._pairs(buffer, at, known)
-            fits = np.logical_and.reduce([followed[offset : offset + count] for offset in _NEW_STREAM_OFFSETS])
+            offsets = range(0, _NEW_STREAM_NEEDS * RECORD_LENGTH, RECORD_LENGTH)
+            fits = np.logical_and.reduce([followed[offset : offset + count] for offset in offsets])
             found = int(fits.argmax())
             if fits[found]:
                 return at + found

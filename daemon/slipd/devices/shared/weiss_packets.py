@@ -59,6 +59,9 @@ STATUS_WORDS = (
 """Meaning of each status number of WTS and WSG; the DSACON32m differs from 12 on."""
 
 
+ALREADY_RUNNING = 4
+
+
 def status_word(code: int, words: tuple[str, ...] = STATUS_WORDS) -> str:
     """Return the meaning of a status or error number, for people."""
     return words[code] if code < len(words) else f"status {code}"
