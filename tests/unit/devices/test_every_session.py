@@ -36,7 +36,7 @@ def hexes(*texts: str) -> tuple[bytes, ...]:
     return tuple(map(bytes.fromhex, texts))
 
 
-ANSWERED = "waiting, configuring, waiting for readings, running"
+IMAGES = "waiting, configuring, waiting for images, running"
 STOP_ROBOTOUS = "55 0C 00 00 00 00 00 00 00 0C AA"
 KNOWN = {
     "bota": Known(
@@ -67,7 +67,6 @@ KNOWN = {
     "optoforce": Known(
         hexes("AA 00 32 03 01 02 00 00 E2", "AB 00 12 08 00 C5"),
         *hexes("AA 00 32 03 00 02 00 00 E1"),
-        states=ANSWERED,
         silent="no answer to configuration",
         identity="S/N HEXEB123",
         optional=(1,),
@@ -85,7 +84,7 @@ KNOWN = {
             *("AA AA AA 03 03 00 01 00 00 2F 6A", "AA AA AA 03 03 00 81 1E 00 2C 76"),
         ),
         *hexes("AA AA AA 03 03 00 01 00 00 2F 6A"),
-        states=ANSWERED,
+        states=IMAGES,
         silent="no answer to controller",
         identity="S/N 1234",
     ),
@@ -95,7 +94,7 @@ KNOWN = {
             *("AA AA AA 22 00 00 0E 76", "AA AA AA 21 03 00 00 0A 00 DA B5"),
         ),
         *hexes("AA AA AA 22 00 00 0E 76"),
-        states=ANSWERED,
+        states=IMAGES,
         silent="no answer to system information",
         identity="S/N 4711",
     ),

@@ -53,7 +53,7 @@ class StartupSequence:
     """Send the requests one by one, then watch the readings.
 
     `state` is "closed", "waiting" (nothing was received yet, or the device fell silent), "configuring",
-    "waiting for readings" (the last request was answered), "running", or the problem, such as "no answer to rate"; the
+    `answered_state` once the last request was answered, "running", or the problem, such as "no answer to rate"; the
     sequence retries forever.
 
     Args:
@@ -67,6 +67,8 @@ class StartupSequence:
         state: As above.
         awaited: The request whose answer is awaited; None while none is.
     """
+
+    answered_state = "configuring"
 
     def __init__(
         self,
@@ -147,7 +149,7 @@ class StartupSequence:
     def resume(self, index: int, due_ns: int) -> None:
         """Continue with request ``index`` at ``due_ns``; until then nothing received counts as an answer."""
         self._go_to(index, due_ns)
-        self.state = "configuring" if index < len(self._steps) else "waiting for readings"
+        self.state = "configuring" if index < len(self._steps) else self.answered_state
 
     def reading_received(self, now_ns: int) -> None:
         """Record that a reading arrived."""

@@ -134,6 +134,8 @@ class TactileSession(SensorSession[D]):
         period_ns: Expected time from one image to the next.
     """
 
+    answered_state = "waiting for images"
+
     def __init__(self, decoder: D, steps: list[Step], stop: bytes, period_ns: int) -> None:
         silence_ns = max(SILENCE_NS, 3 * period_ns)
         super().__init__(decoder, steps, stop, rest_ns=0, silence_ns=silence_ns)

@@ -95,7 +95,7 @@ def test_D1_a_booting_controller_is_awaited_without_an_error() -> None:
     bench.deliver(BOOT_TEXT * 3)
     assert (bench.states, bench.samples) == (["waiting"], [])
     bench.heard = bytes
-    assert bench.run(1).states == ["waiting", "configuring", "waiting for readings", "running"]
+    assert bench.run(1).states == ["waiting", "configuring", "waiting for images", "running"]
     assert bench.session.health.bad_bytes == 0
 
 
