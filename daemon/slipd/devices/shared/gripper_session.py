@@ -189,7 +189,6 @@ class GripperSessionBase(ABC, Generic[Queue]):
         """Stop the fingers where they are, if the state accepts it; return whether anything is sent or dropped."""
 
 
-Range = tuple[float, float]
 UNKNOWN_RANGE = 0.0, math.inf
 CommandsT = TypeVar("CommandsT", bound=CommandQueue)
 
@@ -250,7 +249,10 @@ class QueuedGripperSession(GripperSessionBase[CommandsT]):
         self._queue.set_force(self._in_range(force_n))
 
     def _set_ranges(
-        self, width_m: Range = UNKNOWN_RANGE, force_n: Range = UNKNOWN_RANGE, speed_mps: Range | None = None
+        self,
+        width_m: tuple[float, float] = UNKNOWN_RANGE,
+        force_n: tuple[float, float] = UNKNOWN_RANGE,
+        speed_mps: tuple[float, float] | None = None,
     ) -> None:
         """Set the ranges that the gripper reports."""
         self.width_range_m, self.force_range_n, self.speed_range_mps = width_m, force_n, speed_mps

@@ -66,10 +66,8 @@ FLOAT32, FLOAT64 = 0xCA, 0xCB
 
 UINT_LENGTHS = {0xCC: 2, 0xCD: 3, 0xCE: 5, 0xCF: 9}
 """Length of each unsigned integer by its first byte, except those of one byte (0 to 0x7F)."""
-_ONE_BYTE_INTS = (*range(0x80), *range(0xE0, 0x100))
-
 NUMBER_LENGTHS = (
-    dict.fromkeys(_ONE_BYTE_INTS, 1)
+    dict.fromkeys((*range(0x80), *range(0xE0, 0x100)), 1)  # integers of one byte
     | UINT_LENGTHS
     | {0xD0: 2, 0xD1: 3, 0xD2: 5, 0xD3: 9}  # signed integers
     | {FLOAT32: 5, FLOAT64: 9}
