@@ -37,6 +37,8 @@ ROUGH = 6.0
 """Coloured noise adds so many of its variances to that of a fall: two means, of which one is the largest of many."""
 ASIDE = 0.5
 """The load gives way along its own direction: the part across it is at most this part of the fall."""
+TIGHTER = 0.2
+"""A grip grows tighter where its normal force grows by more than this part of the growth that would explain a fall."""
 
 CLOSING, CLOSING_BLOCKS = 0.1, 48
 """The grip closes where the normal force grew by this part within these blocks."""
@@ -216,6 +218,21 @@ def is_closing(ring: Rows, end: int, count: int) -> bool:
     """Return whether the normal force grew as that of a grip that closes, within the last of ``count`` blocks."""
     few, back = min(count, 3), min(count, CLOSING_BLOCKS)
     return mean_normal(ring, end, few) > (1.0 + CLOSING) * mean_normal(ring, end - back + few, few)
+
+
+@compiled_part
+def grows_tighter(ring: Rows, k: int, p: int, top: int, b: int, fall: float) -> bool:
+    """Return whether the grip grew tighter meanwhile, which explains a fall of q or a part of it.
+
+    Args:
+        ring: Blocks.
+        k: The newest.
+        p: Newest blocks, after the fall.
+        top: The last block before it.
+        b: Blocks up to that one.
+        fall: The fall, as a part of the peak.
+    """
+    return mean_normal(ring, k, p) > (1.0 + TIGHTER * fall) * mean_normal(ring, top, b)
 
 
 @compiled_part

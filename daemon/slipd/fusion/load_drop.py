@@ -4,7 +4,7 @@ While a contact sticks, the required friction q follows the load. When it breaks
 milliseconds and stays there, whatever the load does, until the motion ends. Other loads fall as well: of a pull that is
 let go, an object that is set down, a collision, a swing. A fall is a slip only if
 
-- q rose before, beyond its noise: friction that carries a steady load does not give way by itself,
+- q rose before: friction that carries a steady load does not give way by itself,
 - it began at the largest q of the last tenth of a second, near the largest that this grasp carried without motion,
 - it is more than the noise, as stated and as measured, explains at the stated rate of false alarms, and more than twice
   any swing of the last second,
@@ -32,8 +32,8 @@ from slipd.fusion.load_blocks import (
     ROUGH,
     close_block,
     goes_aside,
+    grows_tighter,
     is_closing,
-    mean_normal,
     mean_q,
     noise_of,
     restart,
@@ -67,23 +67,19 @@ four times as long; UNKNOWN_ODD, 0 to 1 on that scale, holds where μ is unknown
 LONGER = 1.25
 """An expected fall's plateau lasts at least so many times as long as the fall."""
 FLAT = 0.15
-"""A plateau changes by at most this part of the fall."""
+"""A plateau changes by at most this part of the fall, and scatters by no more beyond its noise: a swing does."""
 SHOWN = 0.08
 """Noise must leave this part of the fall, as the deviation of the plateau's change, before a plateau counts as flat."""
-SCATTER = 0.15
-"""Readings scatter about a plateau by at most this part of the fall, beyond their noise: a swing does so by more."""
 BENT = 0.08
 """Its ends lie above its middle by at most this part of the fall: the turning point of a swing is bent."""
-FROM_TOP = 0.15
+FROM_TOP = 0.12
 """A fall begins within this part of itself from the top of the last tenth of a second."""
 PUSH = 0.35
 """A rise by more than this part of the fall, in twice its time, makes it a push and its way back."""
 PUSH_S = 0.015
 """Least time over which that rise is taken, s."""
-TIGHTER = 0.5
-"""The normal force grows by at most this part of the growth that would explain the fall."""
-LEAST_GROWTH, GROWTH_STDS = 0.007, 2.0
-"""Before a fall, q rose by at least this part of itself, and by at least so many standard deviations of the noise."""
+LEAST_RISE = 0.007
+"""Before a fall, q rose by at least this part of itself."""
 SHALLOW, RISE_S, SHORT_RISE_S = 0.22, 0.14, 0.024
 """That rise starts from the mean of q over the second value, s, where the fall is less than the first, a part of q;
 from the mean over the third, s, where the fall is deeper."""
@@ -176,17 +172,16 @@ def _surprise(drop: Row, ring: Rows, p: int, g: int, b: int, mu: float) -> float
     if surprise < drop["least_surprise"] or not _is_flat(ring, k, p, low, fall, std):
         return 0.0
     half = b // 2
-    if before["top"] - high > FROM_TOP * fall + std / math.sqrt(b) or not _rose(drop, ring, top, b, high, fall, std):
+    if before["top"] - high > FROM_TOP * fall + std / math.sqrt(b) or not _rose(drop, ring, top, b, high, fall):
         return 0.0
     falls_before = mean_q(ring, top - half, half) - mean_q(ring, top, half)
     if falls_before > FLAT * fall + 2.0 * std / math.sqrt(half) or high < CARRIED * drop["carried"]:
         return 0.0
-    tighter = mean_normal(ring, k, p) > (1.0 + TIGHTER * fall / high) * mean_normal(ring, top, b)
-    if tighter or is_closing(ring, k, drop["count"]) or goes_aside(ring, k, p, top, b):
+    if is_closing(ring, k, drop["count"]) or grows_tighter(ring, k, p, top, b, fall / high):
         return 0.0
-    if _is_push(drop, ring, g, top - b, b, high, fall, std) or is_explained(drop, ring, p, top, b, low, high):
+    if goes_aside(ring, k, p, top, b) or _is_push(drop, ring, g, top - b, b, high, fall, std):
         return 0.0
-    return surprise
+    return 0.0 if is_explained(drop, ring, p, top, b, low, high) else surprise
 
 
 @compiled_part
@@ -203,21 +198,18 @@ def _is_flat(ring: Rows, k: int, p: int, low: float, fall: float, std: float) ->
         if abs(0.5 * ends - middle) > BENT * fall + 1.5 * std / math.sqrt(third):
             return False
     scatter = (ring[k % RING]["q2"] - ring[at % RING]["q2"]) / p - low * low
-    return bool(scatter <= (SCATTER * fall) ** 2 + 2.0 * std * std)
+    return bool(scatter <= (FLAT * fall) ** 2 + 2.0 * std * std)
 
 
 @compiled_part
-def _rose(drop: Row, ring: Rows, top: int, b: int, high: float, fall: float, std: float) -> bool:
-    """Return whether q rose to the level of ``b`` blocks up to ``top``, beyond what noise explains.
+def _rose(drop: Row, ring: Rows, top: int, b: int, high: float, fall: float) -> bool:
+    """Return whether q rose to the level of ``b`` blocks up to ``top``.
 
     A load may be held for a moment and then let go; from such a level, friction does not fall far.
     """
-    dt, known = drop["dt"], drop["count"] - (drop["block"] - top) - b
-    before = min(max(2, int((RISE_S if fall < SHALLOW * high else SHORT_RISE_S) / dt + 0.5)), known)
-    if before < 2:
-        return False
-    grown = high - mean_q(ring, top - b, before)
-    return bool(grown >= max(LEAST_GROWTH * high, GROWTH_STDS * std * math.sqrt(1.0 / b + 1.0 / before)))
+    rise_s, known = RISE_S if fall < SHALLOW * high else SHORT_RISE_S, drop["count"] - (drop["block"] - top) - b
+    before = min(max(2, int(rise_s / drop["dt"] + 0.5)), known)
+    return bool(before >= 2 and high - mean_q(ring, top - b, before) >= LEAST_RISE * high)
 
 
 @compiled_part

@@ -9,7 +9,8 @@ of it is gone. So a fall that slows down early shows slip before it has ended. I
 - the fall is slower now than in its fastest part, by more than noise explains; much slower if it is so deep that a load
   let go slows down as well,
 - it is more than the noise explains at the stated rate of false alarms, and more than the swings of the last second,
-- it is not the way back from a push: below the coefficient of friction, q falls farther than it rose before,
+- it is not the way back from a push: q falls farther than it rose before, unless it came near the coefficient of
+  friction,
 - the load gives way along its own direction, the grip becomes no tighter, and the motion of the arm does not explain
   the fall.
 
@@ -23,7 +24,17 @@ import math
 
 from slipd.fusion.compiled import compiled_part
 from slipd.fusion.explained import is_explained
-from slipd.fusion.load_blocks import LEVEL, RING, ROUGH, goes_aside, mean_normal, mean_q, noise_of, vibration
+from slipd.fusion.load_blocks import (
+    LEVEL,
+    RING,
+    ROUGH,
+    goes_aside,
+    grows_tighter,
+    mean_normal,
+    mean_q,
+    noise_of,
+    vibration,
+)
 from slipd.fusion.rows import Row, Rows
 from slipd.fusion.slide import CARRIED, MOST_DROP, SWINGS, begin_slide, surprise_of
 
@@ -43,23 +54,21 @@ BACK = 0.3
 """Largest swing of q during the fall, as a part of the fall."""
 RATE_STDS = 5.5
 """Least slowing down of a fall, in standard deviations of the noise, unless the load went on."""
-GOES_ON, GOES_ON_STDS = 0.005, 3.0
-"""The load went on if, since the peak, the tangential force grew or the normal force fell by more than this part plus
-so many standard deviations of the noise."""
+GOES_ON = 0.01
+"""The load went on if, since the peak, the tangential force grew or the normal force fell by more than this part, and
+the normal force grew by no more."""
 FROM = 0.68
 """Least peak, as a part of the coefficient of friction, where that is known."""
 NEAR_TOP = 0.05
 """A fall begins where q was last above the peak less this part of the fall."""
 RISE, RISE_S = 0.12, 0.12
 """Before the fall, q rose for RISE_S, s, by at least RISE of its peak per second."""
-STRAIGHT, EARLY, LATE = 0.6, 0.15, 0.85
-"""That rise is at least STRAIGHT of the total variation of q, which is larger in a swing. Its later half has between
-EARLY and LATE of it: a push that is held has less, a bump more."""
-PUSH, BEYOND_PUSH = 0.65, 1.08
+STRAIGHT, STEADY = 0.6, 0.15
+"""That rise is at least STRAIGHT of the total variation of q, which is larger in a swing. Each half has at least STEADY
+of it: of a push that is held the later half has less, of a bump the earlier one."""
+PUSH, BEYOND_PUSH = 0.65, 0.95
 """In a time as long as the fall before the peak, q rose by at most PUSH of the fall, unless the peak is beyond
 BEYOND_PUSH times the coefficient of friction."""
-TIGHTER = 0.2
-"""The normal force grows by at most this part of the growth that would explain the fall."""
 
 
 @compiled_part
@@ -77,7 +86,7 @@ def look_for_slow_fall(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
     if back == 0 or back + every > most or peak < FROM * mu or peak < CARRIED * before["carried"]:
         return
     noise = max(before["rough"] * math.sqrt(LEVEL), noise_of(drop))  # of a block
-    hides = 0.0 if _goes_on(ring, k, back, level, peak, noise * math.sqrt(2.0 / level)) else noise
+    hides = 0.0 if _goes_on(ring, k, back, level, peak) else noise
     low = _level_of_slowed_fall(ring, k, back - level // 2, peak, hides, max(1, int(LEAST_STRETCH_S / dt + 0.5)))
     fall, surprise = peak - low, _surprise_of_fall(drop, before, peak, low, noise, level)
     if surprise < drop["least_surprise"] or goes_aside(ring, k, level, k - back, level):
@@ -88,8 +97,8 @@ def look_for_slow_fall(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
     risen = peak - mean_q(ring, max(k - 2 * back, k - count + level), level)
     if not peak >= BEYOND_PUSH * mu and risen > PUSH * fall + 2.0 * noise / math.sqrt(level):
         return
-    tighter = mean_normal(ring, k, level) > (1.0 + TIGHTER * fall / peak) * mean_normal(ring, k - back, level)
-    if not tighter and not is_explained(drop, ring, level, k - back, level, low, peak):
+    tightens = grows_tighter(ring, k, level, k - back, level, fall / peak)
+    if not tightens and not is_explained(drop, ring, level, k - back, level, low, peak):
         begin_slide(drop, t_s, peak, low, peak, surprise)
 
 
@@ -160,12 +169,12 @@ def _level_of_slowed_fall(ring: Rows, k: int, fallen: int, peak: float, noise: f
 
 
 @compiled_part
-def _goes_on(ring: Rows, k: int, back: int, level: int, peak: float, deviation: float) -> bool:
+def _goes_on(ring: Rows, k: int, back: int, level: int, peak: float) -> bool:
     """Return whether the load that was at its peak ``back`` blocks ago went on: more shear, or less grip."""
     before, after = mean_normal(ring, k - back, level), mean_normal(ring, k, level)
     grown = _mean_shear(ring, k, level) / after - _mean_shear(ring, k - back, level) / before
     moved = max(grown / peak, (before - after) / before)
-    return bool(after <= (1.0 + GOES_ON) * before and moved > GOES_ON + GOES_ON_STDS * deviation / peak)
+    return bool(after <= (1.0 + GOES_ON) * before and moved > GOES_ON)
 
 
 @compiled_part
@@ -195,5 +204,5 @@ def _rises(ring: Rows, top: int, stride: int, level: int, peak: float, rate: flo
         if step == 4:
             half = earlier
     risen = peak - later
-    steady = EARLY * risen <= peak - half <= LATE * risen
+    steady = min(peak - half, half - later) >= STEADY * risen
     return bool(steady and risen >= max(rate * 8.0 * stride * peak, STRAIGHT * way))

@@ -39,7 +39,7 @@ Found = dict[float, int | None]
 LOADS: dict[str, tuple[Callable[[Any], tuple[Array, dict[str, Any]]], Found]] = {
     "a fall by this share": (
         lambda s: (line(RISE, (6.0, 6.0 * (1.0 - s), 3), (6.0 * (1.0 - s), 6.0 * (1.0 - s), 300)), {}),
-        {0.031094: None, 0.03125: 815, 0.11: 807, 0.31: 807, 0.40125: 812, 0.4025: None, 0.51: None},
+        {0.031094: 835, 0.03125: 815, 0.11: 807, 0.31: 807, 0.40125: 812, 0.4025: None, 0.51: None},
     ),
     "a fall within so many ms": (
         lambda s: (line(RISE, (6.0, 4.8, s), HELD), {}),
@@ -99,7 +99,7 @@ LOADS: dict[str, tuple[Callable[[Any], tuple[Array, dict[str, Any]]], Found]] = 
             line(RISE, *FALL),
             {"normal": gripped(10.0, 10.0 * (1.0 + s), 800, 2, 1103)},
         ),
-        {0.0462: 807, 0.15192: 848, 0.1524: None, 0.154: None, 0.254: None},
+        {0.0462: 807, 0.0573: 807, 0.0577: None, 0.154: None, 0.254: None},
     ),
     "a grip that closed by this share just before": (
         lambda s: (
@@ -110,7 +110,7 @@ LOADS: dict[str, tuple[Callable[[Any], tuple[Array, dict[str, Any]]], Found]] = 
                 )
             },
         ),
-        {0.0462: 807, 0.10529: 847, 0.10577: None, 0.154: None, 0.254: None},
+        {0.0462: 807, 0.0857: 846, 0.0859: None, 0.154: None, 0.254: None},
     ),
     "a load that grows aside, N": (
         lambda s: (line(RISE, *FALL), {"aside": line((0.0, 0.0, 800), (0.0, s, 3), (s, s, 300))}),
@@ -169,7 +169,7 @@ LOADS: dict[str, tuple[Callable[[Any], tuple[Array, dict[str, Any]]], Found]] = 
     ),
     "an overshoot within so many ms": (
         lambda s: (line(REST, (2.0, 4.0, s), (4.0, 3.6, s), SETTLED), {}),
-        {2: None, 3: 512, 5: 515, 11: 527, 17: 541},
+        {2: None, 3: 512, 5: 515, 11: 526, 17: 538},
     ),
     "an overshoot that falls on by so much in 40 ms, N": (
         lambda s: (line(REST, *OVERSHOT, (3.6, 3.6 - s, 40), (3.6 - s, 3.6 - s, 260)), {}),
@@ -232,11 +232,11 @@ T = np.arange(3000) * 1e-3
 FALLS: dict[str, tuple[Callable[[Any], tuple[Array, dict[str, Any]]], Found]] = {
     "by this share": (
         lambda s: (fall(s), {}),
-        {0.042503: None, 0.04266: 1039, 0.106: 1031, 0.308: 1031, 0.509: 1031, 0.54453: 1031, 0.54706: None},
+        {0.024: None, 0.0267: 1079, 0.04266: 1039, 0.106: 1031, 0.308: 1031, 0.509: 1031, 0.68: 1031, 0.7: None},
     ),
     "within so many ms": (
         lambda s: (fall(ms=s), {}),
-        {60: 1027, 160: 1051, 230: 1071, 240: None, 260: None},
+        {60: 1027, 160: 1051, 230: 1071, 260: 1083, 400: None},
     ),
     "that slows down with this power": (
         lambda s: (fall(power=s), {}),
@@ -271,7 +271,7 @@ FALLS: dict[str, tuple[Callable[[Any], tuple[Array, dict[str, Any]]], Found]] = 
     ),
     "after a rise by this share in a tenth of a second": (
         lambda s: (np.concatenate((line((0.4, 1.0 - s, 900), (1.0 - s, 1.0, 100)), fall()[1000:])), {}),
-        {0.0045882: None, 0.0046081: 1031, 0.0508: 1031, 0.153: 1035, 0.16081: 1035, 0.16144: None, 0.254: None},
+        {0.0045882: None, 0.0046081: 1031, 0.0508: 1031, 0.153: 1035, 0.59: 1035},
     ),
     "after so many times that load was carried": (
         lambda s: (np.concatenate((line((0.2, s, 800), (s, 0.4, 300)), fall())), {}),
@@ -295,7 +295,7 @@ FALLS: dict[str, tuple[Callable[[Any], tuple[Array, dict[str, Any]]], Found]] = 
     ),
     "of a weight that comes on and swings, at this share of mu": (
         lambda s: (swung_on(), {"mu": MU * s, "shear_n": 10.0 * MU * swung_on()}),
-        {0.8: None, 0.9: None, 1.0: None},
+        {0.88: 519, 0.89: None, 1.0: None},
     ),
     "of a swing near the limit, Hz": (
         lambda s: (0.8 + 0.1 * np.sin(2.0 * np.pi * s * T), {"shear_n": 3.0 + 0.5 * np.sin(0.74 * np.pi * s * T)}),
