@@ -49,7 +49,7 @@ def _foxglove(foxglove: argparse.ArgumentParser) -> None:
         type=parse_listen,
         default=FOXGLOVE_LISTEN,
         metavar="HOST:PORT",
-        help="where to serve (default: %(default)s; port 0: any free one); whoever reaches it can read everything",
+        help="where to serve (default: %(default)s; port 0: any free one); anyone who can reach it can read everything",
     )
     foxglove.add_argument(
         "--config",

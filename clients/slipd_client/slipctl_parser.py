@@ -127,7 +127,7 @@ def parser() -> argparse.ArgumentParser:
     add_serve(_commands(add("serve", "serve live messages to other programs, until Ctrl-C"), "serve "))
     add_fleet(add("fleet", "show level, health and age of every robot of a fleet (docs/fleet.md)"))
     add_json(add("status", "show what needs a repair, and the state of the daemon and its streams"))
-    diagnose = add("diagnose", "collect status, messages, log and recordings in one file, to send to whoever helps")
+    diagnose = add("diagnose", "collect status, messages, log and recordings in one file for support")
     diagnose.add_argument(
         "out",
         metavar="OUT",

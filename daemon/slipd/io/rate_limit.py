@@ -6,7 +6,7 @@ from collections import OrderedDict
 from collections.abc import Hashable
 
 MOST_KEYS = 1024
-"""Keys remembered; the one that was silent for longest is forgotten first, when its bucket is full again."""
+"""Keys remembered. The key that was silent for longest is forgotten first, and starts again with a full bucket."""
 
 
 class RateLimit:

@@ -203,7 +203,7 @@ class RobotiqLine:
         health: Receives ``lost``, ``bad`` and ``bad_bytes``, and a ``note`` while nothing at all is received.
 
     Attributes:
-        outstanding: The request whose reply is awaited; None if there is none.
+        outstanding: The request that waits for its reply; None if none does.
         received: Bytes received since it was sent, at most the length of a frame.
     """
 

@@ -197,7 +197,7 @@ class MessageScanner(FrameScanner, Generic[MessageT]):
     Args:
         begin: Pattern of the first bytes of a message.
         measure: ``measure(buffer, at)`` returns the length of the message at ``at``; 0 if the buffer ends too early to
-            decide; `NO_FRAME` if there is none.
+            decide; `NO_FRAME` if no message begins there.
         parse: ``parse(data)`` returns the content of a measured message; None if a value in it is impossible.
         health: Receives ``bad`` and ``bad_bytes``.
         text: See `FrameScanner`.
@@ -244,7 +244,7 @@ class MessageScanner(FrameScanner, Generic[MessageT]):
         return length
 
     def _next_try(self, buffer: bytes, at: int) -> int:
-        """Return the index of the next byte from ``at`` on where a message may begin; -1 if there is none."""
+        """Return the index of the first byte, at ``at`` or later, where a message may begin; -1 if there is none."""
         self._tries += 1
         allowed = self._done + (self._tries - FREE_TRIES) * BYTES_PER_TRY - self._damage
         begin = self._begin.search(buffer, max(at, allowed))

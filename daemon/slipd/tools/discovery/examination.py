@@ -292,7 +292,7 @@ def _damage(decoded: Decoded, total: int) -> Iterator[Finding]:
         (bad, "bytes after the first reading belong to no frame", bad > BAD_SHARE * total),
         (health.lost, "readings are missing by the device's own count", health.lost > health.good),
         (health.duplicates, "readings were repeated", False),
-        (health.restarts, "times the device's count began anew", False),
+        (health.restarts, "restarts of the device's counter", False),
     )
     found = [Finding("wrong" if grave else "look", f"{count} {text}") for count, text, grave in checks if count]
     yield from found or [Finding("ok", "no damaged, lost or repeated reading")]
