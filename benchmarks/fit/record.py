@@ -23,7 +23,7 @@ from evaluate.worlds import WORLDS
 from realdata.runs import RUNS, START_S, measure
 
 from slipd.finger import contact_estimator
-from slipd.finger.contact_motion import ContactMotion
+from slipd.finger.force_and_image import ContactMotion
 from slipd.finger.image_channel import ImageChannel
 from slipd.fusion.assess import SPIN_ARM_M
 from slipd.fusion.rows import TOUCHING, UNSOLVED, Row, Rows

@@ -11,8 +11,8 @@ from slipd.finger.finger import Finger
 from slipd.finger.freshness import Lateness
 from slipd.grasp.arm_motion import ArmMotion
 from slipd.grasp.grasp_view import GraspView
-from slipd.grasp.hold_state import NamedObject
 from slipd.grasp.motion_advice import MotionAdvice
+from slipd.grasp.object_estimate import NamedObject
 from slipd.gripper.grip_policy import NoGripper
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.reflex import make_reflex_controller

@@ -20,10 +20,10 @@ from slipd.fusion.levels import WrenchUncertainty
 from slipd.fusion.rows import TOUCHING
 from slipd.fusion.streaming import new_readings
 from slipd.grasp.arm_gravity import ArmGravity
+from slipd.grasp.grasp_view import Place
 from slipd.grasp.motion_advice import LOOK_NS, MotionAdvice
 from slipd.grasp.motion_answers import MotionCheck, MotionLimits
 from slipd.grasp.object_estimate import ObjectState
-from slipd.grasp.pad_place import Place
 from slipd.types.arrays import Array
 from slipd.types.samples import ArmSample
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from slipd.finger.contact_motion import ContactMotion
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
+from slipd.finger.force_and_image import ContactMotion
 from slipd.grasp.pad_motion import make_pad_motion
 from slipd.gripper.gripper_control import GripperControl
 from slipd.motion.evidence import Evidence, MotionRisk

@@ -12,7 +12,7 @@ from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
 from slipd.grasp.stored_state import StoredGrip, StoredState, StoredTare, basis_of, read_state, rig_of, seal
 from slipd.gripper.gripper_control import GripperControl
-from slipd.links.identity_guard import IdentityGuard
+from slipd.links.device_link import IdentityGuard
 from slipd.rig import Rig
 from slipd.signals.tare import Offset
 from slipd.types.arrays import finite_or_none

@@ -16,11 +16,10 @@ from dataclasses import replace
 from slipd.config import Finger as FingerConfig
 from slipd.config import Levels, in_newtons
 from slipd.finger.contact_estimator import ContactEstimator
-from slipd.finger.contact_motion import ContactMotion
 from slipd.finger.finger_state import FingerState, VerdictBatch
 from slipd.finger.finger_tares import TareGuard
+from slipd.finger.force_and_image import NO_SUMMARY, ContactMotion, ForceImageCheck
 from slipd.finger.force_channel import ForceChannel, WrenchBatch
-from slipd.finger.force_image_check import NO_SUMMARY, ForceImageCheck
 from slipd.finger.freshness import PROMPT, Arrival, ForceRead, pop_served
 from slipd.finger.image_channel import ImageChannel, wrench_by_taxels
 from slipd.finger.trust import ContactPresence, Trust

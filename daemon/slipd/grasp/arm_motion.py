@@ -16,8 +16,8 @@ from slipd.config import Grasp, stale_after_ns
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.grasp.arm_gravity import ArmGravity
+from slipd.grasp.grasp_view import Place
 from slipd.grasp.object_estimate import GripperMotion
-from slipd.grasp.pad_place import Place
 from slipd.signals.gravity import FRESH_NS, MOST_GRAVITY_MPS2, STANDARD_GRAVITY_MPS2, gravity_at, gravity_fault
 from slipd.types.arrays import Array
 from slipd.types.samples import ArmSample

@@ -1,4 +1,4 @@
-"""Both fingers as one grasp: grip force, load on the object, and the grip force that would hold it.
+"""Both fingers as one grasp: grip force, load on the object, whether it is held, and the grip force that would hold it.
 
 A quantity that depends on a finger with stale or untrusted readings is not known.
 """
@@ -8,12 +8,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
-from slipd.config import Grasp
+import numpy as np
+
+from slipd.config import Grasp, PadPlace
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
 from slipd.finger.trust import is_trusted
 from slipd.fusion.grasp import (
+    PadPose,
     asymmetry,
     external_wrench,
     grasp_needed_n,
@@ -22,11 +26,11 @@ from slipd.fusion.grasp import (
     load_share,
 )
 from slipd.grasp.object_estimate import NOTHING_HELD, ObjectState
-from slipd.grasp.pad_place import Place
 from slipd.grasp.swing_estimate import Swing
-from slipd.types.arrays import Array, finite_or_none
+from slipd.types.arrays import Array, finite_or_none, rotation_matrix
 from slipd_client.messages import SEVERITY
 
+HoldWord = Literal["empty", "held", "slipping", "lost", "unknown"]
 _NO_WRENCH = (math.nan,) * 6
 
 
@@ -72,6 +76,32 @@ class GraspLoad:
     first_share: float | None
     asymmetry: float | None
     age_s: float | None
+
+
+class Place:
+    """Pose of a pad at each width, from ``[grasp.pads.X]``.
+
+    Attributes:
+        rotation: Maps pad coordinates to gripper coordinates, shape (3, 3).
+    """
+
+    def __init__(self, config: PadPlace) -> None:
+        self.rotation = rotation_matrix(config.quat_xyzw)
+        rows = np.array(config.positions)
+        self._widths_m, self._positions_m = rows[:, 0], rows[:, 1:]
+
+    def pose(self, width_m: float | None) -> PadPose:
+        """Return the pose; without a position where the width is unknown or outside the configured positions."""
+        widths = self._widths_m
+        if width_m is None or not widths[0] <= width_m <= widths[-1]:
+            return PadPose(self.rotation, None)
+        return PadPose(self.rotation, self.nearest_m(width_m))
+
+    def nearest_m(self, width_m: float | None) -> Array:
+        """Return the position, shape (3,), m; the nearest configured one beyond them, the middle one where unknown."""
+        widths = self._widths_m
+        at_m = (widths[0] + widths[-1]) / 2.0 if width_m is None else width_m
+        return np.array([np.interp(at_m, widths, along) for along in self._positions_m.T])
 
 
 class GraspView:
@@ -189,3 +219,49 @@ class _Side:
         wrench, force = self.state.wrench, self.finger.force
         weighs = force is not None and force.gravity.state(t_ns) == "unknown_orientation"
         return _NO_WRENCH if wrench is None or weighs or not self._trusted else wrench
+
+
+class HoldState:
+    """Follows from the levels of both fingers what the grasp does with the object.
+
+    A parallel gripper holds an object only while both pads press on it. So one pad that is known to be free is enough
+    to know that nothing is held; that both press must be known of both.
+
+    Attributes:
+        word: The state at the last `update`.
+        since_ns: When it began, CLOCK_MONOTONIC; 0 before the first `update`. A loss keeps its time over moments in
+            which nothing is known.
+    """
+
+    def __init__(self) -> None:
+        self.word: HoldWord = "unknown"
+        self.since_ns = 0
+        self._holding = False  # an object was held, and its end was not known since
+        self._lost_ns = 0  # when it was lost; 0 while it was not
+        self._releasing = False  # opening was commanded since the pads last pressed without
+
+    def update(self, levels: tuple[str, str], *, releasing: bool, t_ns: int) -> None:
+        """Update with what is known at ``t_ns``.
+
+        Args:
+            levels: Levels of both fingers.
+            releasing: A release was commanded and is not confirmed yet.
+            t_ns: Now.
+        """
+        word = self._next(levels, releasing=releasing)
+        if word == self.word and self.since_ns:
+            return
+        if word == "lost":
+            self._lost_ns = self._lost_ns or t_ns
+        self.word, self.since_ns = word, self._lost_ns if word == "lost" else t_ns
+
+    def _next(self, levels: tuple[str, str], *, releasing: bool) -> HoldWord:
+        self._releasing = self._releasing or releasing
+        if "no_contact" in levels:
+            if self._holding and not self._releasing:
+                return "lost"
+            return "unknown" if "unknown" in levels else "empty"
+        if "slipping" not in levels and "unknown" in levels:
+            return "unknown"
+        self._holding, self._releasing, self._lost_ns = True, releasing, 0
+        return "slipping" if "slipping" in levels else "held"

@@ -15,8 +15,7 @@ from slipd.finger.trust import is_trusted
 from slipd.fusion.grasp import PadPose, external_wrench
 from slipd.grasp.arm_check import SHIFTS_NS, ArmCheck
 from slipd.grasp.arm_motion import ArmMotion
-from slipd.grasp.grasp_view import GraspView
-from slipd.grasp.hold_state import NamedObject
+from slipd.grasp.grasp_view import GraspView, Place
 from slipd.grasp.object_estimate import (
     NO_MOTION,
     NO_SENSOR,
@@ -26,11 +25,11 @@ from slipd.grasp.object_estimate import (
     SCALE_STD,
     WAITING,
     GripperMotion,
+    NamedObject,
     ObjectEstimate,
     ObjectState,
     gripped_again,
 )
-from slipd.grasp.pad_place import Place
 from slipd.grasp.swing_estimate import SwingEstimate, spin_about
 from slipd.types.arrays import Array, cross_matrix
 

@@ -22,10 +22,9 @@ from slipd.fusion.motion_limits import nearest_limit, worst_turn
 from slipd.fusion.motion_scale import check_points, follow_gravity, largest_scales
 from slipd.grasp.arm_gravity import ERROR_MPS2, ArmGravity
 from slipd.grasp.arm_motion import ArmMotion
-from slipd.grasp.grasp_view import GraspView
+from slipd.grasp.grasp_view import GraspView, Place
 from slipd.grasp.motion_answers import Mode, MotionCheck, MotionLimits, unbounded
 from slipd.grasp.pad_load import PadLoad, shares_of
-from slipd.grasp.pad_place import Place
 from slipd.grasp.swing_estimate import with_swing
 from slipd.signals.gravity import MOST_GRAVITY_MPS2, STANDARD_GRAVITY_MPS2, gravities_at
 from slipd.types.arrays import Array

@@ -53,6 +53,25 @@ NO_MOTION = ObjectState(
 )
 
 
+class NamedObject:
+    """Keeps the name of the object in the grip, as clients state it: friction is learned for each name.
+
+    Attributes:
+        name: Name of the object; None: none is named.
+        set_by: Client that named it, or took its name back; None: no client of this run did.
+        set_t_ns: When that client did, CLOCK_MONOTONIC; None likewise.
+    """
+
+    def __init__(self) -> None:
+        self.name: str | None = None
+        self.set_by: str | None = None
+        self.set_t_ns: int | None = None
+
+    def set(self, name: str | None, by: str, t_ns: int) -> None:
+        """Use the name that a client states, for every finger and the rest of the run."""
+        self.name, self.set_by, self.set_t_ns = name, by, t_ns
+
+
 def gripped_again(known: ObjectState, regrip_std_m: float) -> ObjectState:
     """Return what an earlier grasp showed of an object for another grasp of it.
 

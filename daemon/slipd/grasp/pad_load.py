@@ -14,7 +14,7 @@ from slipd.finger.trust import is_trusted
 from slipd.fusion.friction_learning import Z
 from slipd.fusion.held_pad import NET_SHARE, HeldPad, tipping_edges, twist_net
 from slipd.fusion.levels import WrenchUncertainty
-from slipd.grasp.pad_place import Place
+from slipd.grasp.grasp_view import Place
 from slipd.types.arrays import Array
 
 MEMORY_READINGS = 8

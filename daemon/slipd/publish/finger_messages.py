@@ -13,8 +13,7 @@ from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
 from slipd.friction.friction_state import FrictionState
 from slipd.fusion.verdict_numbers import MODELS
-from slipd.publish.message_sequencer import MessageSequencer
-from slipd.publish.pace import Pace
+from slipd.publish.message_sequencer import MessageSequencer, Pace
 from slipd.types.arrays import finite_list, finite_or_none
 from slipd_client.messages import (
     LEVELS,

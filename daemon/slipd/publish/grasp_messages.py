@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from slipd.events import Body, Output
-from slipd.grasp.grasp_view import GraspView
-from slipd.grasp.hold_state import HoldState
+from slipd.grasp.grasp_view import GraspView, HoldState
 from slipd.grasp.motion_advice import MotionAdvice
 from slipd.grasp.motion_answers import MotionLimits
 from slipd.grasp.object_estimate import ObjectState
@@ -12,8 +11,7 @@ from slipd.gripper.grip_policy import NoGripper
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.lease import Lease
 from slipd.gripper.reflex import ReflexAct
-from slipd.publish.message_sequencer import MessageSequencer
-from slipd.publish.pace import Pace
+from slipd.publish.message_sequencer import MessageSequencer, Pace
 from slipd.types.arrays import finite_fields, finite_list
 from slipd_client.messages import GRASP_TOPIC, LEVELS, MOTION_TOPIC
 

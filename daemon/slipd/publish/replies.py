@@ -8,8 +8,8 @@ from slipd.events import Body, RecordingChanged
 from slipd.finger.finger import Finger
 from slipd.finger.finger_tares import Tares
 from slipd.finger.force_channel import ForceChannel
-from slipd.grasp.hold_state import NamedObject
 from slipd.grasp.motion_answers import MotionCheck
+from slipd.grasp.object_estimate import NamedObject
 from slipd.gripper.gripper_control import GripperControl
 from slipd.publish.finger_messages import friction_body, friction_setter_body
 from slipd.types.arrays import finite_fields, finite_or_none

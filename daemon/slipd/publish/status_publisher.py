@@ -20,8 +20,7 @@ from slipd.links.link_health import link_condition
 from slipd.links.stream_meter import StreamMeter
 from slipd.publish.finger_messages import friction_setter_body, tare_body
 from slipd.publish.grasp_messages import gripper_body, lease_body
-from slipd.publish.message_sequencer import NO_FRAME, MessageSequencer
-from slipd.publish.pace import Pace
+from slipd.publish.message_sequencer import NO_FRAME, MessageSequencer, Pace
 from slipd.rig import GRIPPER_LINK, Rig
 from slipd.types.arrays import finite_or_none
 from slipd_client.messages import STATUS_TOPIC, Health

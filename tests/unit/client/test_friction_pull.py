@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from pulls import Hand, typed
 
-from slipd.publish.pace import Pace
+from slipd.publish.message_sequencer import Pace
 from slipd_client.friction_pull import LEAST_HZ, NO_CONTACT, PullSample, PullWatch
 
 Bodies = Iterable[dict[str, Any]]

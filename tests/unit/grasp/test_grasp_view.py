@@ -16,8 +16,7 @@ from pad_wrenches import finger_load, pad_wrench
 
 from slipd import config
 from slipd.config import Config, Levels
-from slipd.grasp.grasp_view import GraspView
-from slipd.grasp.hold_state import HoldState
+from slipd.grasp.grasp_view import GraspView, HoldState
 from slipd.publish.finger_messages import slip_body
 from slipd.publish.grasp_messages import grasp_body
 from slipd.tools.shipped_files import shipped_config

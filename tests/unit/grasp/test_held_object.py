@@ -19,7 +19,7 @@ from slipd.devices import bota
 from slipd.events import Bytes
 from slipd.grasp import held_object, object_estimate
 from slipd.grasp.grasp_view import GraspView
-from slipd.grasp.hold_state import NamedObject
+from slipd.grasp.object_estimate import NamedObject
 from slipd_client.messages import Health
 
 STEP_MS = 20

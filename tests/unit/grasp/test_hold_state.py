@@ -6,7 +6,7 @@ from itertools import product
 
 import pytest
 
-from slipd.grasp.hold_state import HoldState
+from slipd.grasp.grasp_view import HoldState
 from slipd_client.messages import LEVELS
 
 FREE, HELD, SLIPPING, BLIND = "no_contact", "stable", "slipping", "unknown"

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from nanoseconds import MS
 
-from slipd.publish.pace import Pace
+from slipd.publish.message_sequencer import Pace
 
 T0 = 77_000_000_000
 
