@@ -1,4 +1,4 @@
-"""Parts of the parsers of ``slipctl`` and ``slipd``: commands, options and types that several of them have."""
+"""What describes the commands of ``slipctl`` and ``slipd``: their parser, and options and types that several have."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import math
 import re
 import socket
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
 from slipd_client.paths import publish_endpoint, requests_endpoint
 
-Add = Callable[[str, str], argparse.ArgumentParser]
-"""Adds a command, given its name and help text."""
+Add = Callable[[Any], object]
+"""Adds arguments to a parser, or to a group of one."""
 
 DEFAULT_LISTEN = "127.0.0.1:8710"
 
@@ -77,41 +77,99 @@ def parse_listen(text: str) -> ListenAddress:
     return ListenAddress(found["host"].strip("[]"), int(found["port"]))
 
 
+@dataclass(frozen=True, slots=True)
+class Command:
+    """A command.
+
+    Attributes:
+        name: Its words.
+        run: What carries it out, "module:function"; "" for a list of commands.
+        purpose: What it does, for the list of commands.
+        arguments: What it takes, in the order of its help.
+        more: What stands at the end of its help.
+        given: More that its parsed arguments have.
+    """
+
+    name: str
+    run: str
+    purpose: str
+    arguments: Sequence[Add] = ()
+    more: str = ""
+    given: Mapping[str, Any] = field(default_factory=dict)
+
+
+def argument(*names: str, **given: Any) -> Add:
+    """Return what adds an argument; names and properties are those of ``add_argument`` of argparse."""
+
+    def add(to: Any) -> None:
+        to.add_argument(*names, **given)
+
+    return add
+
+
+def one_of(*arguments: Add, required: bool = False) -> Add:
+    """Return what adds arguments of which one may be given, or must be."""
+
+    def add(to: Any) -> None:
+        group = to.add_mutually_exclusive_group(required=required)
+        for each in arguments:
+            each(group)
+
+    return add
+
+
 class CommandParser(argparse.ArgumentParser):
     """A parser of commands.
 
     Attributes:
-        default: The command that may be left out; "" where every command must be named.
-        names: Every command that is understood, also those of earlier versions.
-        shown: The commands of this version, as the help lists them.
-        now: Printed instead of a run where a command is of an earlier version: what to type; "" for all others.
+        names: The commands below it.
+        default: The one of them that may be left out; "" where every command must be named.
+        elsewhere: Another program, and the commands that it alone has, for those who mistake one for the other.
     """
 
+    names: Collection[str] = ()
     default = ""
-    names: Mapping[str, object] = {}
-    shown: Sequence[str] = ()
-    now = ""
+    elsewhere: tuple[str, Collection[str]] = ("", ())
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Put the default before arguments that begin with no command and no option; refuse surplus ones itself."""
         args = sys.argv[1:] if args is None else args
-        known = not args or args[0].startswith("-") or args[0] in self.names
-        if self.now and not (known and self.names):
-            self.exit(2, f"{self.now}\n")
-        if self.default and not known:
+        if self.names and args and not args[0].startswith("-") and args[0] not in self.names:
+            if not self.default:
+                self.refuse(args)
             args = [self.default, *args]
-        elif self.names and not known:
-            self.refuse(args[0])
         found, surplus = super().parse_known_args(args, namespace)
         if surplus:
             self.error(f"unrecognized arguments: {' '.join(surplus)}")
         return found, surplus
 
-    def refuse(self, typed: str = "") -> NoReturn:
-        """Exit with the list of commands, or with the one that was probably meant."""
-        if near := difflib.get_close_matches(typed, self.shown, n=1):
+    def refuse(self, words: Sequence[str] = ()) -> NoReturn:
+        """Exit with the list of commands, with the one that was probably meant, or with the program that has it."""
+        typed, (program, others) = words[0] if words else "", self.elsewhere
+        if typed in others:
+            self.exit(2, f"{self.prog}: {typed} is a command of {program}: {' '.join([program, *words])}\n")
+        if near := difflib.get_close_matches(typed, [*self.names, *others], n=1):
             self.error(f"there is no command {typed!r}; did you mean {near[0]!r}?")
-        self.error(f"COMMAND must be one of {', '.join(self.shown)}" + (f", got {typed!r:.80}" if typed else ""))
+        self.error(f"COMMAND must be one of {', '.join(self.names)}" + (f", got {typed!r:.80}" if typed else ""))
+
+
+def add_commands(top: CommandParser, commands: Sequence[Command]) -> dict[str, CommandParser]:
+    """Add commands to a parser, each below the command whose name begins its own; return the parser of each."""
+    parsers: dict[str, CommandParser] = {"": top}
+    lists: dict[str, Any] = {}
+    for each in commands:
+        above, _, word = each.name.rpartition(" ")
+        if above not in lists:
+            words = (name for start, _, name in (other.name.rpartition(" ") for other in commands) if start == above)
+            metavar = "|".join(words) if above else "COMMAND"
+            lists[above] = parsers[above].add_subparsers(title="commands", metavar=metavar, required=bool(above))
+            parsers[above].names = lists[above].choices
+        purpose = f"{each.purpose[0].upper()}{each.purpose[1:]}."
+        parsers[each.name] = lists[above].add_parser(word, help=each.purpose, description=purpose, epilog=each.more)
+        parsers[each.name].set_defaults(command=each.name, run=each.run, **each.given)
+        for add in each.arguments:
+            add(parsers[each.name])
+    return parsers
 
 
 def add_connection(command: argparse.ArgumentParser, default: str | None) -> None:
@@ -128,25 +186,9 @@ def add_connection(command: argparse.ArgumentParser, default: str | None) -> Non
     group.add_argument("--server-key", metavar="FILE", default=default, help="public key of the daemon")
 
 
-def add_json(command: argparse.ArgumentParser) -> None:
-    """Add ``--json`` to a command that prints one result."""
-    command.add_argument("--json", action="store_true", help="print one JSON document")
-
-
 def escaped(text: str) -> str:
     """Return a text as argparse wants it in a help text."""
     return text.replace("%", "%%")
-
-
-def add_listen(parser: argparse.ArgumentParser) -> None:
-    """Add the argument ``--listen`` to a command that serves the page."""
-    parser.add_argument(
-        "--listen",
-        type=parse_listen,
-        default=DEFAULT_LISTEN,
-        metavar="HOST:PORT",
-        help="where to serve the page (default: %(default)s; port 0: any free one)",
-    )
 
 
 def finite(text: str) -> float:
@@ -185,6 +227,16 @@ def number_in(rule: str, allows: Callable[[float], bool]) -> Callable[[str], flo
 
 fleet_name = matching(FLEET_NAME, "be 1 to 64 of the characters A-Z a-z 0-9 _ . - and begin with a letter or digit")
 """Type of arguments that are names of fleets and robots."""
+
+JSON = argument("--json", action="store_true", help="print one JSON document")
+
+LISTEN = argument(
+    "--listen",
+    type=parse_listen,
+    default=DEFAULT_LISTEN,
+    metavar="HOST:PORT",
+    help="where to serve the page (default: %(default)s; port 0: any free one)",
+)
 
 rate_hz = number_in("from 0.001 to 1e6 Hz", lambda hz: 0.001 <= hz <= 1e6)
 """Type of arguments that are rates."""

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import importlib
 import json
+import os
+import pkgutil
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from slipd_client import slipctl_parser
@@ -17,7 +19,6 @@ from slipd_client.messages.ops import lease_rule
 from slipd_client.terminal import INTERRUPTED, standard_output
 
 if TYPE_CHECKING:
-    from slipd_client.grip import GripClient
     from slipd_client.keys import Keys
 
 DONE, REFUSED, WRONG = 0, 1, 2
@@ -26,22 +27,8 @@ DONE, REFUSED, WRONG = 0, 1, 2
 MOST_LISTED = 12
 """Entries of a list that are shown to people: the zero of a pad has one for each taxel."""
 
-COMMANDS = {op: name for name, (_, op, _) in slipctl_parser.REQUESTS.items()}
+COMMANDS = {each.given["op"]: each.name for each in slipctl_parser.COMMANDS if "op" in each.given}
 """Requests that the daemon names in refusals, and what a person types for each."""
-
-PROGRAMS = {
-    "watch": ("", "", "watch"),
-    "diagnose": ("", "", "diagnose"),
-    "friction measure": ("", "", "friction_guide"),
-    "gravity": ("", "", "gravity_feed"),
-    "view": ("websockets", "websockets", "page.view_command"),
-    "serve foxglove": ("foxglove", "foxglove-sdk", "ros.foxglove_command"),
-    "serve ros2": ("cyclonedds", "cyclonedds", "ros.ros2_command"),
-    "serve fleet": ("zenoh", "eclipse-zenoh", "fleet.robot_bridge"),
-    "fleet": ("zenoh", "eclipse-zenoh", "fleet.fleet_command"),
-}
-"""Commands that are more than a request → module and package of others that each needs, and the module that carries it
-out. A command loads only what it needs."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -52,9 +39,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Ctrl-C. The reason is reported on standard error.
     """
     with standard_output("slipctl"):
-        chosen = slipctl_parser.parser().parse_args(arguments)
+        parser = slipctl_parser.parser()
+        chosen = parser.parse_args(arguments)
         if not chosen.command and not chosen.version:
-            chosen.refuse()
+            parser.refuse()
         try:
             _carry_out(chosen)
         except KeyboardInterrupt:
@@ -93,34 +81,23 @@ def _carry_out(chosen: argparse.Namespace) -> None:
         CallError: An endpoint is wrong, options do not go together, or a package is missing.
         KeyFileError: A key file cannot be used or created.
     """
-    command: str = chosen.command
     if chosen.version:
         print(f"slipctl {version()}")
-    elif command == "keys new":
-        _new_keys(chosen)
-    elif command in PROGRAMS:
-        needed, package, name = PROGRAMS[command]
-        if needed:
-            require(needed, package, f"slipctl {command}")
-        reply = importlib.import_module(f"slipd_client.{name}").run(chosen, _keys(chosen))
-        if reply is not None:
-            _print_reply(reply, as_json=chosen.json)
-    else:
-        from slipd_client.grip import GripClient
-
-        with GripClient(chosen.requests, keys=_keys(chosen)) as client:
-            _request(client, chosen)
-
-
-def _request(client: GripClient, chosen: argparse.Namespace) -> None:
-    """Send the request of a command, with the lease where it needs one or may need one, and print the reply."""
-    if chosen.command == "status":
-        from slipd_client.watch import print_status
-
-        print_status(client.status(), as_json=chosen.json)
         return
+    for module, package in chosen.needs.items():
+        require(module, package, f"slipctl {chosen.command}")
+    reply = pkgutil.resolve_name(chosen.run)(chosen, _keys(chosen))
+    if reply is not None:
+        _print_reply(reply, as_json=chosen.json)
+
+
+def send_request(chosen: argparse.Namespace, keys: Keys | None) -> None:
+    """Send the request of a command, with the lease where it needs one or may need one, and print the reply."""
+    from slipd_client.grip import GripClient
+
     rule = lease_rule(chosen.op)
     with contextlib.ExitStack() as stack:
+        client = stack.enter_context(GripClient(chosen.requests, keys=keys))
         lease = None
         if rule == "holder":
             lease = stack.enter_context(client.lease())
@@ -144,11 +121,12 @@ def _keys(chosen: argparse.Namespace) -> Keys | None:
     return keys.load(chosen.key, chosen.server_key)
 
 
-def _new_keys(chosen: argparse.Namespace) -> None:
+def new_keys(chosen: argparse.Namespace, _: Keys | None) -> None:
     """Create a pair of keys, and print the paths; it needs no daemon."""
     from slipd_client import keys
 
-    public, secret = keys.create(chosen.name, chosen.dir)
+    configs = Path(os.environ.get("XDG_CONFIG_HOME") or "~/.config").expanduser()
+    public, secret = keys.create(chosen.name, chosen.dir or configs / "slipd" / "keys")
     if chosen.json:
         print(json.dumps({"public_file": str(public), "secret_file": str(secret)}))
         return

@@ -8,12 +8,14 @@ import itertools
 import json
 import sys
 import time
+from collections.abc import Mapping
+from typing import Any
 
 from slipd_client.errors import Silence
+from slipd_client.grip import GripClient
 from slipd_client.keys import Keys
 from slipd_client.live_view import LiveView, change_line
 from slipd_client.messages import GRIPPER_TOPIC, STATUS_TOPIC, WARNING_TOPIC
-from slipd_client.messages.replies import StatusReply
 from slipd_client.repairs import repairs
 from slipd_client.subscriber import Message, Subscriber
 from slipd_client.terminal import UNCUT, TerminalScreen, is_screen, plain, size_of, terminal_of
@@ -172,11 +174,17 @@ WIDEST = 100
 """Columns of the longest line of a status for people, on a wide terminal and in a file."""
 
 
-def print_status(status: StatusReply, *, as_json: bool) -> None:
+def show_status(chosen: argparse.Namespace, keys: Keys | None) -> None:
+    """Carry out ``slipctl status``."""
+    with GripClient(chosen.requests, keys=keys) as client:
+        print_status(client.status(), as_json=chosen.json)
+
+
+def print_status(status: Mapping[str, Any], *, as_json: bool) -> None:
     """Print a reply; as JSON, it has the list of repairs beside the fields of the reply."""
     if as_json:
         print(json.dumps({**status, "repairs": [repair.as_map() for repair in repairs(status)]}))
         return
     view = LiveView()
-    view.update(STATUS_TOPIC, status)
+    view.update(STATUS_TOPIC, {**status})
     print_view(view, min(size_of(sys.stdout).columns, WIDEST))

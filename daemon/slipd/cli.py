@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import difflib
 import errno
 import os
 import pkgutil
@@ -18,7 +17,7 @@ from typing import NoReturn
 from slipd import __version__
 from slipd.errors import ConfigError, SlipdError, UsageError, printable_lines
 from slipd.io.log_lines import log_uncaught, open_log
-from slipd.tools.cli_commands import COMMANDS, parser
+from slipd.tools.cli_commands import parser
 from slipd_client.terminal import INTERRUPTED, standard_output
 
 DONE, NO, WRONG = 0, 1, 2
@@ -32,22 +31,6 @@ ENDED_IN_ORDER = ("run", "demo")
 
 SERVING = ("view", "emulate")
 """Commands that run until Ctrl-C, which ends them without a message."""
-
-SLIPCTL = {
-    **{name: name for name in ("watch", "status", "diagnose", "grip", "tare", "friction", "gravity", "object")},
-    **{name: name for name in ("record", "keys", "fleet", "serve")},
-    "viewers": "serve foxglove",
-    "relay": "serve foxglove",
-    "ros2": "serve ros2",
-    "bridge": "serve fleet",
-}
-"""Commands of ``slipctl`` alone, to which ``slipd`` points those who mistake one for the other."""
-
-RENAMED = {
-    ("evaluate", "--table"): "slipd evaluate --table FILE is now: slipd evaluate --out FILE.parquet",
-    ("export", "json-mcap"): "json-mcap is gone: --to ros2 opens in the same viewers, with the same values",
-}
-"""Options of earlier versions, and what to type instead."""
 
 FIRST_STEPS = f"""\
 slipd {__version__} warns a robot that its gripper is about to drop something.
@@ -79,12 +62,8 @@ _INTERRUPTED = {
 
 def main(argv: list[str] | None = None) -> int:
     """Run one command; return its exit code: 0 done, 1 the answer is no, 2 wrong use, 130 interrupted."""
-    words = sys.argv[1:] if argv is None else argv
     with standard_output("slipd"):
-        if hint := _hint(words):
-            print(f"slipd: {hint}", file=sys.stderr)
-            return WRONG
-        arguments = parser().parse_args(words)
+        arguments = parser().parse_args(argv)
         open_log()
         if argv is None:
             log_uncaught()
@@ -93,19 +72,6 @@ def main(argv: list[str] | None = None) -> int:
             _end_process(code)
         return code
     return DONE
-
-
-def _hint(words: list[str]) -> str:
-    """Return what to type instead of a command of ``slipctl``, a misspelt one or an earlier name; "" for nothing."""
-    command, *rest = words or [""]
-    if command in SLIPCTL:
-        call = " ".join(["slipctl", SLIPCTL[command], *rest])
-        return f"{command} is a command of slipctl, which asks a running daemon: {call}"
-    names = {each.name.partition(" ")[0] for each in COMMANDS} | set(SLIPCTL)
-    near = [] if command in names or command.startswith("-") else difflib.get_close_matches(command, names, n=1)
-    if near:
-        return f"there is no command {command!r}; did you mean {near[0]!r}?"
-    return next((RENAMED[command, word] for word in rest if (command, word) in RENAMED), "")
 
 
 def carry_out(arguments: argparse.Namespace) -> object:

@@ -115,11 +115,6 @@ def test_two_runs_are_drawn_side_by_side_on_the_time_axis_of_the_longer_one(here
         (["evaluate", DEMO, "--config", "none.toml"], 2, "none.toml: cannot be read: No such file"),
         (["evaluate", DEMO, "--config", "bad.toml"], 2, "bad.toml:2: finger.left.mu: must be from 0.01 to 2, got 9"),
         (["evaluate", DEMO, "--out", "none/a.parquet"], 2, "none/a.parquet: cannot be written: No such file"),
-        (
-            ["evaluate", DEMO, "--table", "a"],
-            2,
-            "slipd evaluate --table FILE is now: slipd evaluate --out FILE.parquet",
-        ),
         (["plot", DEMO, "--out", "/proc/a.html"], 2, "slipd: /proc/a.html: cannot be written: "),
     ],
 )

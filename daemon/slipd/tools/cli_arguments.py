@@ -1,16 +1,14 @@
-"""What describes a command of ``slipd``, the kinds of arguments, the recordings that they name, and printed tables."""
+"""Kinds of arguments of ``slipd``, the recordings that they name, and printed tables."""
 
 from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
 from slipd.errors import UsageError
-from slipd_client.arguments import matching, number_in
+from slipd_client.arguments import argument, matching, number_in
 
 MOST_HZ = 1000
 """Largest rate of frames; messages are published at 250 Hz unless the config states more."""
@@ -33,54 +31,6 @@ IMPORTED = {
 
 EVERY = (1, 1)
 """The share of the recordings that is all of them."""
-
-
-Add = Callable[[Any], object]
-"""Adds arguments to a parser, or to a group of one."""
-
-
-@dataclass(frozen=True, slots=True)
-class Command:
-    """A command of ``slipd``.
-
-    Attributes:
-        name: Its words.
-        run: What carries it out, "module:function", which takes the arguments by name; "" for a list of commands.
-        purpose: What it does, for the list of commands.
-        arguments: What it takes, in the order of its help.
-        more: What stands at the end of its help.
-        below: The commands below it, as its help names them; "" for none.
-        given: Further arguments of the function.
-    """
-
-    name: str
-    run: str
-    purpose: str
-    arguments: Sequence[Add] = ()
-    more: str = ""
-    below: str = ""
-    given: Mapping[str, str] = field(default_factory=dict)
-
-
-def argument(*names: str, **given: Any) -> Add:
-    """Return what adds an argument; names and properties are those of ``add_argument`` of argparse."""
-
-    def add(to: Any) -> None:
-        to.add_argument(*names, **given)
-
-    return add
-
-
-def one_of(*arguments: Add, required: bool = False) -> Add:
-    """Return what adds arguments of which one may be given, or must be."""
-
-    def add(to: Any) -> None:
-        group = to.add_mutually_exclusive_group(required=required)
-        for each in arguments:
-            each(group)
-
-    return add
-
 
 JSON = argument("--json", dest="as_json", action="store_true", help="print the result as one JSON document")
 

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from slipd import __version__
-from slipd.tools.cli_arguments import JSON, Command, argument, one_of, positive
+from slipd.tools.cli_arguments import JSON, positive
 from slipd.tools.recording_commands import RECORDING_COMMANDS
-from slipd_client.arguments import CommandParser
+from slipd_client.arguments import Command, CommandParser, add_commands, argument, one_of
 
 
 class _Rig(argparse.Action):
@@ -79,7 +79,7 @@ COMMANDS = (
         (RIG, JSON),
         "Exit code 1: the config has faults.",
     ),
-    Command("service", "", "install or uninstall slipd as a systemd service", below="install|uninstall|show"),
+    Command("service", "", "install or uninstall slipd as a systemd service"),
     Command(
         "service install",
         "slipd.tools.service_command:install",
@@ -99,7 +99,7 @@ COMMANDS = (
         (NAME_OR_ALL, JSON),
         given={"kind": "service show"},
     ),
-    Command("config", "", "list or print the shipped configs", below="list|show"),
+    Command("config", "", "list or print the shipped configs"),
     Command(
         "config list",
         "slipd.tools.shipped_files:shipped_command",
@@ -277,23 +277,20 @@ COMMANDS = (
 EXIT = "Exit code: 0 done, 1 the answer is no, 2 wrong use, 130 Ctrl-C (slipd docs commands)."
 
 
-def parser() -> argparse.ArgumentParser:
+SLIPCTL = (
+    *("watch", "status", "diagnose", "grip", "tare", "friction", "gravity", "object", "record", "keys"),
+    *("fleet", "serve"),
+)
+"""Commands of ``slipctl`` alone."""
+
+
+def parser() -> CommandParser:
     """Return the parser; ``command`` of the parsed arguments is the command, e.g. "replay" or "import grips"."""
     top = CommandParser(
         prog="slipd", description="Warn a robot that its gripper is about to drop something.", epilog=EXIT
     )
     top.add_argument("--version", action="version", version=f"slipd {__version__}")
     top.set_defaults(command="", run="slipd.cli:first_steps")
-    lists: dict[str, Any] = {"": top.add_subparsers(metavar="COMMAND")}
-    for each in COMMANDS:
-        above, _, word = each.name.rpartition(" ")
-        purpose = each.purpose
-        command = lists[above].add_parser(
-            word, help=purpose, description=f"{purpose[0].upper()}{purpose[1:]}.", epilog=each.more
-        )
-        command.set_defaults(command=each.name, run=each.run, **each.given)
-        for add in each.arguments:
-            add(command)
-        if each.below:
-            lists[each.name] = command.add_subparsers(required=True, metavar=each.below)
+    top.elsewhere = "slipctl", SLIPCTL
+    add_commands(top, COMMANDS)
     return top

@@ -9,12 +9,8 @@ from slipd.tools.cli_arguments import (
     EXPORTS,
     IMPORTED,
     JSON,
-    Add,
-    Command,
-    argument,
     endpoint,
     file_in,
-    one_of,
     positive,
     rate,
     sentence,
@@ -22,7 +18,7 @@ from slipd.tools.cli_arguments import (
     speed,
     time_s,
 )
-from slipd_client.arguments import add_listen
+from slipd_client.arguments import LISTEN, Add, Command, argument, one_of
 
 RECORDING = argument("path", type=Path, metavar="RECORDING", help="recording, MCAP")
 NEW_RECORDING = argument("out", type=Path, metavar="OUT", help="new recording, MCAP")
@@ -92,7 +88,7 @@ RECORDING_COMMANDS = (
         "view",
         "slipd.tools.recordings.replay_commands:view_recording",
         "show a recording in a browser; prints the address of the page",
-        (RECORDING, add_listen),
+        (RECORDING, LISTEN),
     ),
     Command(
         "plot",
@@ -145,7 +141,7 @@ RECORDING_COMMANDS = (
             JSON,
         ),
     ),
-    Command("import", "", "convert other data to a recording", below="FORMAT"),
+    Command("import", "", "convert other data to a recording"),
     Command(
         "import grips",
         "slipd.tools.recordings.imported_run:import_command",

@@ -11,9 +11,10 @@ from pathlib import Path
 import pytest
 
 from slipd.errors import SlipdError, UsageError
-from slipd.tools.cli_arguments import Add, Command, chosen, shard
+from slipd.tools.cli_arguments import chosen, shard
 from slipd.tools.cli_commands import COMMANDS
 from slipd.tools.outputs import parquet_library
+from slipd_client.arguments import Add, Command
 
 
 def test_a_folder_stands_for_its_recordings_and_each_counts_once(tmp_path: Path) -> None:
@@ -58,7 +59,7 @@ def arguments_of(add: Add) -> set[str]:
     return {action.dest for action in made._actions}
 
 
-@pytest.mark.parametrize("command", [each for each in COMMANDS if not each.below], ids=lambda each: each.name)
+@pytest.mark.parametrize("command", [each for each in COMMANDS if each.run], ids=lambda each: each.name)
 def test_what_carries_out_a_command_takes_its_arguments(command: Command) -> None:
     names = set(command.given).union(*map(arguments_of, command.arguments))
     inspect.signature(pkgutil.resolve_name(command.run)).bind(**dict.fromkeys(names))
