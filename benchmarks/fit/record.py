@@ -23,11 +23,11 @@ from evaluate.worlds import WORLDS
 from realdata.runs import RUNS, START_S, measure
 
 from slipd.finger import contact_estimator
-from slipd.finger.force_and_image import ContactMotion
-from slipd.finger.image_channel import ImageChannel
 from slipd.fusion.assess import SPIN_ARM_M
 from slipd.fusion.rows import TOUCHING, UNSOLVED, Row, Rows
-from slipd.types.arrays import Array
+from slipd.motion.evidence import Evidence
+from slipd.motion.image_shift import ImageShift
+from slipd.types.arrays import Array, Mask
 
 FACTORS = (1.0, 0.9, 1.1, None)
 """μ of the config over the true one, by the seed; None: the config has none."""
@@ -116,14 +116,16 @@ def _record(task: tuple[str, str, int, Path]) -> None:
     noise = zlib.crc32(f"{family} {seed}".encode())
     images: list[Array] = []
     seen: list[tuple[float, ...]] = []
-    look = ContactMotion.update
+    look = ImageShift.update
 
-    def keep_image(motion: ContactMotion, image: ImageChannel, t_ns: int, wrench: tuple[float, ...]) -> None:
-        look(motion, image, t_ns, wrench)
-        images.append(image.loads.astype(np.float32))
+    def keep_image(
+        motion: ImageShift, t_ns: int, forces: Array, wrench: tuple[float, ...], usable: Mask | None
+    ) -> Evidence | None:
+        images.append(forces.astype(np.float32))
         seen.append((sum(map(len, columns)), float(t_ns), *wrench))
+        return look(motion, t_ns, forces, wrench, usable)
 
-    with keeping_loads() as columns, mock.patch.object(ContactMotion, "update", keep_image):
+    with keeping_loads() as columns, mock.patch.object(ImageShift, "update", keep_image):
         heard = run_offline(trace, {"left": scene.sensors}, config_text(scene, variant), noise, read_ns=READ_NS)
     bodies = ((t_ns + BEGIN_NS, body) for t_ns, topic, body in heard if topic == "slip.left" and t_ns >= 0)
     published, load_rows = reports_of(bodies, BEGIN_NS), np.concatenate(columns)

@@ -79,7 +79,7 @@ def _follower(follow_load: Callable[..., bool]) -> Callable[..., None]:
 
 
 def beside_load(grasp: Grasp, world: str) -> Spans:
-    """Return when images show slip, as `slipd.finger.force_and_image` follows them."""
+    """Return when images show slip, as a finger and `slipd.engine.held_motion` follow them."""
     watch = _Beside(grasp, world)
     images = deque(range(len(grasp.seen)))
     for row, touches in enumerate((grasp.load[:, 1] > 0.0).tolist()):

@@ -212,8 +212,6 @@ class Engine:
             self._publish_batches(publisher, finger.decide(read.samples, read.times_ns, read.arrival), t_ns, out)
         else:
             self._handle_images(publisher, read, t_ns, out)
-        if finger.motion is not None and finger.motion.found:
-            self._report_motion(self._motion.update_finger(finger, finger.motion), t_ns, out)
         if publisher.level != before:
             self._advice_due.due_ns = 0
         if publisher.level != before or t_ns >= self._grasp_due.due_ns:
@@ -226,12 +224,11 @@ class Engine:
             if batch is not None:
                 self._publish_batches(publisher, (batch,), t_ns, out)
             publisher.publish_image(acquired_ns, out)
-            if finger.force is None and (found := self._motion.update_pads()):
-                self._report_motion(found, t_ns, out)
+            self._report_motion(self._motion.update_image(finger), t_ns, out)
             if arrival.waited_ns:
                 self._publish_batches(publisher, finger.decide_delayed(t_ns, arrival.unread_ns), t_ns, out)
-        if finger.quiet_until_ns < t_ns:  # an image that is late as it comes
-            self._silence[finger.name].due_ns = 0
+        silence = self._silence[finger.name]
+        silence.due_ns = min(silence.due_ns, finger.quiet_until_ns(t_ns) + 1)
 
     def _handle_arm(self, read: Read, _: int, __: list[Output]) -> None:
         cast("ArmMotion", self._arm).update(read.samples, read.times_ns, self._gripper.width_m)
@@ -317,7 +314,7 @@ class Engine:
     def _check_silence(self, publisher: FingerPublisher, t_ns: int, out: list[Output]) -> int:
         """Publish what has changed of a finger only because time passed."""
         finger = publisher.finger
-        if t_ns <= (quiet_ns := finger.quiet_until_ns):
+        if t_ns <= (quiet_ns := finger.quiet_until_ns(t_ns)):
             return quiet_ns + 1
         unread_ns = self._lateness.unread_ns(t_ns)
         self._publish_batches(publisher, finger.decide_delayed(t_ns, unread_ns), t_ns, out)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
-from slipd.finger.force_and_image import ContactMotion
 from slipd.grasp.pad_motion import make_pad_motion
 from slipd.gripper.gripper_control import GripperControl
 from slipd.motion.evidence import Evidence, MotionRisk
@@ -43,17 +42,15 @@ class HeldMotion:
             if looks:
                 self._risks[name] = MotionRisk(rig.config.levels.false_alarms_per_hour, looks)
 
-    def update_finger(self, finger: Finger, motion: ContactMotion) -> Found:
-        """Judge the evidence that a finger's readings and images gave since the last call."""
-        found: Found = []
-        for evidence in motion.pop_found():
-            kinds = self._risks[finger.name].update(evidence)
-            if kinds:
-                until_ns = motion.confirm() if "image_change" in kinds else evidence.t_ns + REPORTED_NS
-                found += _report(finger, until_ns, kinds)
-        return found
+    def update_image(self, finger: Finger) -> Found:
+        """Judge what the newest image of a finger shows, after `Finger.update_image`."""
+        motion, evidence = finger.motion, finger.found
+        if motion is None:
+            return self._update_pads()
+        kinds = () if evidence is None else self._risks[finger.name].update(evidence)
+        return _report(finger, motion.confirm(), kinds) if kinds else []
 
-    def update_pads(self) -> Found:
+    def _update_pads(self) -> Found:
         """Look at pads that measure the force themselves, after an image of one of them."""
         pads = self._pads
         look = None if pads is None else pads.update()

@@ -9,7 +9,7 @@ import numpy as np
 from slipd.config import Finger as FingerConfig
 from slipd.config import Levels, Pad, Slip, Wrench
 from slipd.finger.finger import Finger
-from slipd.finger.force_and_image import COMPARE_NS
+from slipd.finger.force_image_check import COMPARE_NS
 from slipd.finger.image_channel import ImageChannel
 from slipd.fusion import contact_from_wrench
 from slipd.fusion.held_pad import HeldPad, tipping_edges, twist_net

@@ -9,6 +9,7 @@ force reading too. What a verdict depends on and what changes rarely is noted wh
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -18,16 +19,18 @@ from slipd.config import Levels, in_newtons
 from slipd.finger.contact_estimator import ContactEstimator
 from slipd.finger.finger_state import FingerState, VerdictBatch
 from slipd.finger.finger_tares import TareGuard
-from slipd.finger.force_and_image import NO_SUMMARY, ContactMotion, ForceImageCheck
 from slipd.finger.force_channel import ForceChannel, WrenchBatch
+from slipd.finger.force_image_check import NO_SUMMARY, ForceImageCheck
 from slipd.finger.freshness import PROMPT, Arrival, ForceRead, pop_served
-from slipd.finger.image_channel import ImageChannel, wrench_by_taxels
+from slipd.finger.image_channel import STALE, ImageChannel, wrench_by_taxels
 from slipd.finger.trust import ContactPresence, Trust
 from slipd.finger.verdict import PAD_FREE, ROTATION_UNOBSERVED, STREAM_STALE, Verdict
 from slipd.fusion.levels import WrenchUncertainty
 from slipd.fusion.rows import PULLED, TOUCHING
 from slipd.fusion.streaming import without_verdict
-from slipd.motion.evidence import evidence_mask
+from slipd.motion.evidence import Evidence, evidence_mask
+from slipd.motion.image_blocks import LoadNoise
+from slipd.motion.image_shift import ImageShift
 from slipd.types.samples import TactileSample, WrenchSample
 from slipd_client.messages import LEVELS
 
@@ -55,7 +58,8 @@ class Finger:
         in_newtons: Forces are in newtons, not in the unit of a pad without calibration.
         image_in_newtons: Likewise the loads of the image.
         friction: Coefficients of friction in use, and who set them.
-        motion: Evidence of motion beside the load; None where the pad measures the force.
+        motion: Looks for motion in the images; None without a pad in front of a force sensor.
+        found: Evidence of motion in the newest image; None where it shows none.
         freshness: Of the force readings.
         presence: Whether something presses on the pad.
         trust: Whether the readings are trusted, and a grip may be raised on them.
@@ -84,9 +88,12 @@ class Finger:
         self._check: ForceImageCheck | None = None
         if pad is not None and self.force is not None and self.image is not None:
             self._check = ForceImageCheck(config, pad, self.force, self.image, state)
-        self.motion: ContactMotion | None = None
+        self.motion: ImageShift | None = None
+        self.found: Evidence | None = None
         if wrench is not None and self.image is not None and not self.image.three_axis:
-            self.motion = ContactMotion(wrench, self.image)
+            lever_m = math.hypot(*wrench.pad_from_sensor.xyz_m)
+            torque_nm = math.hypot(wrench.torque_std_nm, lever_m * wrench.force_std_n)
+            self.motion = ImageShift(self.image.geometry, LoadNoise(wrench.force_std_n, torque_nm))
         self._delayed: deque[ForceRead] = deque()
         self._newest: FingerState | VerdictBatch = FingerState(0, STREAM_STALE)
         self.level, self._is_stale = self._newest.verdict.level, True
@@ -117,12 +124,11 @@ class Finger:
         force = self.force
         if force is None:
             raise ValueError(f"finger {self.name} has no force sensor")
+        read = ForceRead(samples, times_ns, arrival)
         if arrival.waited_ns or self._delayed:
-            self._delayed.append(ForceRead(samples, times_ns, arrival))
+            self._delayed.append(read)
             return self.decide_delayed(samples[-1].t_ns, arrival.unread_ns)
-        if force.tare.busy or force.waited_undated:
-            return self._judge_reads(force, (ForceRead(samples, times_ns, arrival),))
-        return (self._judge(force.condition(samples, times_ns, self._is_untouched), arrival),)
+        return self._judge_reads(force, (read,))
 
     def decide_delayed(self, t_ns: int, unread_ns: int | None = None) -> Iterable[VerdictBatch]:
         """Return the verdicts on the force readings that need not wait for an image any more.
@@ -173,19 +179,20 @@ class Finger:
         image.update(sample, t_ns, summary, arrival)
         if check is not None and self.motion is not None:
             check.update_image(t_ns, known=normal_n is not None)
-            self._look_for_motion(self.motion, image, check, before_ns, t_ns)
+            self.found = self._look_for_motion(self.motion, image, check, before_ns, t_ns)
         readings = wrench_by_taxels(image, sample, t_ns) if self.force is None and image.three_axis else None
         self._follow_image()
         return None if readings is None else self._judge(readings, arrival)
 
     def _look_for_motion(
-        self, motion: ContactMotion, image: ImageChannel, check: ForceImageCheck, before_ns: int, t_ns: int
-    ) -> None:
+        self, motion: ImageShift, image: ImageChannel, check: ForceImageCheck, before_ns: int, t_ns: int
+    ) -> Evidence | None:
         """Look for motion in an image, with the forces since the one before, where force sensor and image agree."""
         if self.in_contact and image.is_independent and not check.disagreement:
-            motion.update(image, t_ns, check.mean_wrench(before_ns, t_ns))
-        else:
-            motion.forget_images()
+            wrench = check.mean_wrench(before_ns, t_ns)
+            return motion.update(t_ns, image.loads, wrench, image.taxel_health.measured)
+        motion.reset()
+        return None
 
     def _judge(self, readings: WrenchBatch, arrival: Arrival) -> VerdictBatch:
         """Return the verdicts on conditioned readings, and update the comparison and the tares with them."""
@@ -216,7 +223,7 @@ class Finger:
         if batch.phases & 1 << PULLED:
             self.tare.reject("the normal force is clearly negative")
         if self.motion is not None and not batch.touches:
-            self.motion.forget()
+            self.motion.reset()
         if check is not None and batch.ends_at < len(batch):
             check.reset()
         if self._taring:
@@ -273,18 +280,26 @@ class Finger:
             return None
         if self.freshness.is_stale(t_ns, unread_ns):
             return self._lose_force(t_ns)
-        if self.level not in LEVELS_BY_IMAGE or self._newest.load_distribution is None or self.image is None:
+        if not self._needs_image() or self.image is None or self.image.is_fresh(t_ns, unread_ns):
             return None
-        return None if self.image.is_fresh(t_ns, unread_ns) else self._lose_image()
+        return self._lose_image()
 
-    @property
-    def quiet_until_ns(self) -> int:
-        """Until when `check_silence` and `expire_image` find no change, unless a sample comes; -1: not known."""
-        came_ns, image = self.freshness.came_ns, self.image
-        if self._taring or self._delayed or came_ns is None:
+    def _needs_image(self) -> bool:
+        """Return whether the newest verdict is unknown without its image."""
+        return self.level in LEVELS_BY_IMAGE and self._newest.load_distribution is not None
+
+    def quiet_until_ns(self, t_ns: int) -> int:
+        """Return until when `check_silence` and `expire_image` find no change, unless an image comes; -1: not known.
+
+        A stream that is stale at ``t_ns`` cannot become so again before it had time to bring a reading.
+        """
+        if self._taring or self._delayed:
             return -1
-        force_ns = came_ns + self.freshness.stale_ns
-        return force_ns if image is None else min(force_ns, self._image_until_ns)
+        since_ns = t_ns if self._is_stale else self.freshness.came_ns or 0
+        force_ns, image = since_ns + self.freshness.stale_ns, self.image
+        if image is None or (image.reasons == STALE and not self._needs_image()):
+            return force_ns
+        return min(force_ns, self._image_until_ns)
 
     def expire_image(self, t_ns: int, unread_ns: int | None) -> bool:
         """Return whether the newest image just became too old, see `check_silence`; True once for each image."""
@@ -311,7 +326,7 @@ class Finger:
             self._check.reset()
         self._estimator.end_contact()
         if self.motion is not None:
-            self.motion.forget()
+            self.motion.reset()
         return self._set_state(FingerState(t_ns, STREAM_STALE, age_s=self.freshness.age_s(t_ns)))
 
     def _lose_image(self) -> FingerState:

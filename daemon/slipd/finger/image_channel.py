@@ -11,8 +11,8 @@ import numpy as np
 
 from slipd.config import Finger, Pad, axes_of, stale_after_ns
 from slipd.finger.finger_state import LoadDistribution, distribute
-from slipd.finger.force_and_image import NO_SUMMARY, ForceSummary
 from slipd.finger.force_channel import WrenchBatch
+from slipd.finger.force_image_check import NO_SUMMARY, ForceSummary
 from slipd.finger.freshness import PROMPT, Arrival, Freshness
 from slipd.finger.pad_zero import PadZero
 from slipd.fusion import ContactShape

@@ -65,15 +65,21 @@ class ImageShift:
         self._blocks, self._images = ImageBlocks(geometry, noise), ImageComparison(geometry)
         self._centroids = CentroidShift(self._images, noise)
         self._far_m = AGAIN_PITCHES * geometry.pitch_m
-        self.reset()
+        self._begin()
 
-    def reset(self) -> None:
-        """Forget everything: the contact ended, or the images did."""
+    def _begin(self) -> None:
+        """Begin with the next image."""
+        self._looked = False
         self._blocks.reset()
         self._centroids.reset()
         self._paths: list[ShiftPath] = []
         self._noise, self._motion = PathNoise(), KnownMotion()
         self._beyond_before = self._by_centroid = False
+
+    def reset(self) -> None:
+        """Forget everything: the contact ended, or the images did."""
+        if self._looked:
+            self._begin()
 
     def confirm(self) -> int:
         """Take the newest evidence as true; return until when, CLOCK_MONOTONIC in ns, the contact counts as moving.
@@ -96,6 +102,7 @@ class ImageShift:
             wrench: Force on the finger, N, and torque about the pad's origin, N·m, since the image before: six numbers.
             usable: Taxels that measure by themselves, shape (n,); None: all.
         """
+        self._looked = True
         block = self._blocks.update(t_ns, forces, wrench, usable)
         if block is None:
             return None

@@ -104,8 +104,9 @@ def test_a_contact_that_creeps_over_the_pad_is_a_slip() -> None:
 def test_weak_evidence_of_an_image_is_no_motion() -> None:
     run = play(FINE, FREE)
     finger = run.engine._fingers["left"]
-    finger.motion.found += [Evidence("image_change", 0, surprise) for surprise in (1.0, 2.0)]
-    assert run.engine._motion.update_finger(finger, finger.motion) == finger.motion.found == []
+    for surprise in (1.0, 2.0):
+        finger.found = Evidence("image_change", 0, surprise)
+        assert run.engine._motion.update_image(finger) == []
 
 
 @pytest.mark.parametrize("steps", [1, 4])

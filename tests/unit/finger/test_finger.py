@@ -11,7 +11,7 @@ from fixture_types import Parse, Wrench
 from nanoseconds import MS, T0
 from plain_kernels import run_without_compilation
 
-from slipd.finger import force_and_image
+from slipd.finger import force_image_check
 from slipd.finger.finger import Finger
 from slipd.finger.stream_health import finger_conditions
 from slipd.publish.finger_messages import slip_body
@@ -106,7 +106,7 @@ def test_tare_that_was_given_up_is_reported(right: str, parse: Parse) -> None:
 
 
 def test_old_image_does_not_end_a_disagreement(finger: Finger, press: Press, monkeypatch: pytest.MonkeyPatch) -> None:
-    run_without_compilation(monkeypatch, force_and_image)
+    run_without_compilation(monkeypatch, force_image_check)
     corner = 400 * (np.arange(16) == 0).reshape(4, 4)
     for _ in range(100):
         state = press(5.0, (0.1, 0.0), 0.0, (0.006, 0.006), counts=corner)

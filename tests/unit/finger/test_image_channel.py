@@ -15,7 +15,7 @@ from nanoseconds import MS, T0
 
 from slipd.config import Levels
 from slipd.finger.finger import Finger
-from slipd.finger.force_and_image import ForceSummary
+from slipd.finger.force_image_check import ForceSummary
 from slipd.finger.image_channel import ImageChannel
 from slipd.fusion import contact_from_wrench
 from slipd.fusion.rows import TOUCHING, Rows

@@ -1,8 +1,4 @@
-"""Force sensor and pad of one finger beside each other: both see the same contact.
-
-`ForceImageCheck` compares them, with the force readings of the recent past. `ContactMotion` looks for motion of the
-contact in the images, with the forces between them.
-"""
+"""Compare force sensor and pad of one finger, with the force readings of the recent past: both see the same contact."""
 
 from __future__ import annotations
 
@@ -10,16 +6,13 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from slipd.config import Finger as FingerConfig
-from slipd.config import Pad, Wrench
+from slipd.config import Pad
 from slipd.finger.force_channel import ForceChannel
 from slipd.fusion import Contact
 from slipd.fusion.compiled import compiled
 from slipd.fusion.contact import contact_numbers
 from slipd.fusion.recent_forces import begin_range, mean_wrench
 from slipd.fusion.rows import Rows
-from slipd.motion.evidence import Evidence
-from slipd.motion.image_blocks import LoadNoise
-from slipd.motion.image_shift import ImageShift
 from slipd.signals.force_image_agreement import STDS, Agreement
 
 if TYPE_CHECKING:
@@ -139,62 +132,3 @@ def _contact_at(
         fx, fy, -fz, mx, my, mz, force_std, torque_std
     )
     return cx, cy, cx_std, cy_std, normal, fx, fy, spin, ratio, ratio_std, known and normal >= least_n
-
-
-class ContactMotion:
-    """Looks for motion in the images of the pad in front of a force sensor.
-
-    Args:
-        wrench: ``[finger.X.wrench]``.
-        image: The pad, which measures the normal force.
-
-    Attributes:
-        looks_per_hour: How many independent looks it takes in an hour.
-        found: Evidence that was found since the last `pop_found`.
-    """
-
-    looks_per_hour = ImageShift.looks_per_hour
-
-    def __init__(self, wrench: Wrench, image: ImageChannel) -> None:
-        lever_m = math.hypot(*wrench.pad_from_sensor.xyz_m)
-        torque_nm = math.hypot(wrench.torque_std_nm, lever_m * wrench.force_std_n)
-        self._shift = ImageShift(image.geometry, LoadNoise(wrench.force_std_n, torque_nm))
-        self.found: list[Evidence] = []
-        self._compares = False  # images of this contact
-
-    def update(self, image: ImageChannel, t_ns: int, wrench: tuple[float, ...]) -> None:
-        """Update with an image of a contact.
-
-        Args:
-            image: The pad, with a usable image.
-            t_ns: When it was acquired, CLOCK_MONOTONIC.
-            wrench: By the force sensor since the image before, in the pad frame: N and N·m, six numbers.
-        """
-        self._compares = True
-        found = self._shift.update(t_ns, image.loads, wrench, image.taxel_health.measured)
-        if found is not None:
-            self.found.append(found)
-
-    def forget(self) -> None:
-        """Forget the contact: it ended, or is not known."""
-        self.found.clear()
-        self.forget_images()
-
-    def forget_images(self) -> None:
-        """Forget the images, which cannot be used, but not what they showed."""
-        if self._compares:
-            self._compares = False
-            self._shift.reset()
-
-    def pop_found(self) -> list[Evidence]:
-        """Remove and return the evidence that was found."""
-        found, self.found = self.found, []
-        return found
-
-    def confirm(self) -> int:
-        """Take the newest evidence as true; return until when the contact counts as moving, ns.
-
-        Raises:
-            ValueError: There was no evidence.
-        """
-        return self._shift.confirm()
