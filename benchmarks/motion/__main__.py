@@ -132,7 +132,7 @@ def measure_time(count: int) -> None:
     far = points + (points - points[0]) * 4.0 * (np.arange(10) // 3 == 0) * (np.arange(10) > 0)
 
     def check_swinging() -> None:
-        advised.view.swing = Swing(40.0, 0.0)
+        advised.held.swing = Swing(40.0, 0.0)
         advised.check(far)
 
     work: dict[str, Callable[[], object]] = {

@@ -106,7 +106,7 @@ def compare(rng: np.random.Generator, build_s: float) -> Compared:
         advised.read([advised.state(*side) for side in sides])
     points = motion(rng, build_s)
     rigid = advised.check(points).utilisation
-    advised.view.swing = carried.swing.swing()
+    advised.held.swing = carried.swing.swing()
     predicted = advised.check(points).utilisation
     if carried.slid or rigid is None or predicted is None or not rigid < 0.95:
         return compare(rng, build_s)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import cast
+from typing import NamedTuple, cast
 
 from slipd.config import Config
 from slipd.devices import GripperSession
@@ -11,6 +11,7 @@ from slipd.finger.finger import Finger
 from slipd.finger.freshness import Lateness
 from slipd.grasp.arm_motion import ArmMotion
 from slipd.grasp.grasp_view import GraspView
+from slipd.grasp.held_object import HeldObject
 from slipd.grasp.motion_advice import MotionAdvice
 from slipd.grasp.object_estimate import NamedObject
 from slipd.gripper.grip_policy import NoGripper
@@ -19,6 +20,20 @@ from slipd.gripper.reflex import make_reflex_controller
 from slipd.links.device_link import make_links
 
 GRIPPER_LINK = "gripper"
+
+
+class GraspParts(NamedTuple):
+    """Both fingers together.
+
+    Attributes:
+        view: The two fingers as one grasp.
+        held: The object between them.
+        advice: How fast the arm may go with it.
+    """
+
+    view: GraspView
+    held: HeldObject
+    advice: MotionAdvice
 
 
 class Rig:
@@ -40,9 +55,8 @@ class Rig:
         links: The links by name.
         gripper: The gripper; keeps the lease.
         reflex: Controller of the reflex; None if the config has no reflex.
-        view: Both fingers as one grasp; None: the config has no ``[grasp]``.
         arm: Motion of the arm; None: no stream reports it.
-        advice: How fast the arm may go; None: the config has no ``[grasp]``.
+        grasp: Both fingers together; None: the config has no ``[grasp]``.
     """
 
     def __init__(self, config: Config, boot: str, wall: WallClock) -> None:
@@ -60,7 +74,11 @@ class Rig:
             session = cast("GripperSession", self.links[GRIPPER_LINK].session)
             self.gripper = GripperControl(config.gripper, session, self.fingers)
         grasp = config.grasp
-        self.view = view = None if grasp is None else GraspView(grasp, self.fingers)
         self.arm = None if grasp is None or grasp.arm is None else ArmMotion(grasp, grasp.arm, self.fingers)
-        self.advice = None if grasp is None or view is None else MotionAdvice(grasp, self.fingers, view, self.arm)
-        self.reflex = make_reflex_controller(config, self.view, self.gripper)
+        self.grasp: GraspParts | None = None
+        if grasp is not None:
+            held = HeldObject(grasp, self.fingers, self.arm, self.named)
+            advice = MotionAdvice(grasp, self.fingers, held, self.arm)
+            self.grasp = GraspParts(GraspView(grasp, self.fingers), held, advice)
+        view = None if self.grasp is None else self.grasp.view
+        self.reflex = make_reflex_controller(config, view, self.gripper)

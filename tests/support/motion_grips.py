@@ -154,12 +154,12 @@ class Advised:
     ) -> None:  # fmt: skip
         self.grip, self._noise, self._rng = grip, noise, rng or np.random.default_rng(0)
         self.own = own or ObjectState(grip.mass_kg, 0.0, tuple(grip.com_m.tolist()), (0.0, 0.0, 0.0), "")
-        self.view = SimpleNamespace(object=self.own, supported=None, swing=None, level=lambda: "stable")
+        self.held: Any = SimpleNamespace(state=self.own, supported=None, swing=None)
         self._mu = grip.mu if mu_low is None else mu_low
         self.fingers = {name: self._finger(name) for name in PLACES}
         self._config = Grasp.model_validate({"pads": PLACES, "motion": {"wanted_acceleration_mps2": wanted_mps2}})
         self.arm: Any = SimpleNamespace(is_used=lambda t_ns: True, gravity=ArmGravity())
-        self.advice = MotionAdvice(self._config, self.fingers, self.view, self.arm)  # type: ignore[arg-type]
+        self.advice = MotionAdvice(self._config, self.fingers, self.held, self.arm)
         self.t_ns = 10_000_000_000
         for _ in range(27):
             self.move(gravity, STILL)
@@ -182,7 +182,7 @@ class Advised:
 
     def arm_is_missing(self) -> None:
         """Begin anew with a config that names no arm."""
-        self.advice = MotionAdvice(self._config, self.fingers, self.view, None)  # type: ignore[arg-type]
+        self.advice = MotionAdvice(self._config, self.fingers, self.held, None)
 
     def look(self) -> None:
         """Let 40 ms pass without a new reading."""

@@ -34,7 +34,7 @@ from slipd.events import (
 from slipd.finger.finger_state import VerdictBatch
 from slipd.finger.freshness import PROMPT
 from slipd.grasp.arm_motion import ArmMotion
-from slipd.grasp.held_object import HeldObject, make_held_object
+from slipd.grasp.held_object import HeldObject
 from slipd.gripper.gripper_control import LONGEST_PAUSE_NS, GripperControl
 from slipd.gripper.reflex import ReflexAct, ReflexController
 from slipd.links.device_link import DeviceLink
@@ -119,12 +119,12 @@ class Engine:
         sessions = {name: link for name, link in rig.links.items() if link.session is not None}
         self._writes = {name: Deadline(partial(self._write_due, link)) for name, link in sessions.items()}
         self._gripper_write = self._writes.get(GRIPPER_LINK, absent)
-        held = make_held_object(rig.view, rig.arm, rig.named)
-        weigh = absent if held is None else Deadline(partial(self._weigh, held))
-        self._grasp_due = self._advice_due = absent
-        if rig.view is not None and rig.advice is not None:
-            self._grasp_due = Deadline(GraspPublisher(rig.view, rig.gripper, self._sequencer, grasp_hz).publish)
-            self._advice_due = Deadline(MotionPublisher(rig.advice, rig.view, rig.gripper, self._sequencer).publish)
+        weigh = self._grasp_due = self._advice_due = absent
+        if rig.grasp is not None:
+            view, held, advice = rig.grasp
+            weigh = Deadline(partial(self._weigh, held))
+            self._grasp_due = Deadline(GraspPublisher(view, held, rig.gripper, self._sequencer, grasp_hz).publish)
+            self._advice_due = Deadline(MotionPublisher(advice, view, rig.gripper, self._sequencer).publish)
         self._deadlines = [
             *self._time_checks, self._reflex_due, *self._writes.values(), weigh, self._grasp_due, self._advice_due,
             Deadline(self._status.publish_due),

@@ -25,8 +25,6 @@ from slipd.fusion.grasp import (
     internal_force,
     load_share,
 )
-from slipd.grasp.object_estimate import NOTHING_HELD, ObjectState
-from slipd.grasp.swing_estimate import Swing
 from slipd.types.arrays import Array, finite_or_none, rotation_matrix
 from slipd_client.messages import SEVERITY
 
@@ -113,23 +111,13 @@ class GraspView:
 
     Attributes:
         fingers: The first and the second finger.
-        places: Poses of their pads.
         state: State at the last `update`.
-        object: What is known of the object.
-        supported: What an earlier grasp showed of the named object, while something else may still carry a part of its
-            weight; None: nothing is known, or the grip carries it.
-        swing: How the object swings about the line through both pads; None: no swing was seen.
-        regrip_std_m: See ``[grasp.motion]``.
     """
 
     def __init__(self, config: Grasp, fingers: dict[str, Finger]) -> None:
         self.fingers = tuple(fingers[name] for name in config.pads)
-        self.places = tuple(Place(place) for place in config.pads.values())
+        self._places = tuple(Place(place) for place in config.pads.values())
         self._least_n = max(finger.config.min_normal_n for finger in self.fingers)
-        self.object = NOTHING_HELD
-        self.supported: ObjectState | None = None
-        self.swing: Swing | None = None
-        self.regrip_std_m = config.motion.regrip_std_m
         self.state = self.update(None)
 
     def levels(self) -> tuple[str, str]:
@@ -172,7 +160,7 @@ class GraspView:
     def load(self, t_ns: int) -> GraspLoad:
         """Return the load at ``t_ns``, with the readings and the width of the last `update`."""
         first, second = self._sides
-        poses = [place.pose(self.state.width_m) for place in self.places]
+        poses = [place.pose(self.state.width_m) for place in self._places]
         world = external_wrench([side.wrench(t_ns) for side in self._sides], poses)
         ages = [side.finger.freshness.age_s(t_ns) for side in self._sides]
         return GraspLoad(

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from slipd.config import Grasp
+from slipd.events import NEVER_NS
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.trust import is_trusted
 from slipd.fusion.grasp import PadPose, external_wrench
 from slipd.grasp.arm_check import SHIFTS_NS, ArmCheck
 from slipd.grasp.arm_motion import ArmMotion
-from slipd.grasp.grasp_view import GraspView, Place
+from slipd.grasp.grasp_view import Place
 from slipd.grasp.object_estimate import (
     NO_MOTION,
     NO_SENSOR,
@@ -30,7 +32,7 @@ from slipd.grasp.object_estimate import (
     ObjectState,
     gripped_again,
 )
-from slipd.grasp.swing_estimate import SwingEstimate, spin_about
+from slipd.grasp.swing_estimate import Swing, SwingEstimate, spin_about
 from slipd.types.arrays import Array, cross_matrix
 
 PERIOD_NS = 20_000_000
@@ -89,28 +91,42 @@ class _Load(NamedTuple):
 
 
 class HeldObject:
-    """Learns what is held, for `GraspView.object`, and compares the arm stream with the load.
+    """Learns what is held, and compares the arm stream with the load.
 
     Args:
-        view: Both fingers as one grasp.
-        sides: Its fingers.
+        grasp: ``[grasp]``.
+        fingers: All fingers by name. Without a force sensor in both of the grasp, nothing is learned.
         arm: Motion of the arm; None: no stream reports it.
         named: Name of the object; what was learned of a named one is kept for its next grasp.
+
+    Attributes:
+        state: What is known of the object.
+        supported: What an earlier grasp showed of the named object, while something else may still carry a part of its
+            weight; None: nothing is known, or the grip carries it.
+        swing: How the object swings about the line through both pads; None: no swing was seen.
     """
 
-    def __init__(self, view: GraspView, sides: Sequence[Side], arm: ArmMotion | None, named: NamedObject) -> None:
-        self._view, self._sides, self._arm, self._named = view, sides, arm, named
+    def __init__(self, grasp: Grasp, fingers: Mapping[str, Finger], arm: ArmMotion | None, named: NamedObject) -> None:
+        self._arm, self._named, self._regrip_std_m = arm, named, grasp.motion.regrip_std_m
+        self._sides = sides = [
+            Side(fingers[name], force, Place(place))
+            for name, place in grasp.pads.items()
+            if (force := fingers[name].force) is not None
+        ]
+        weighs = len(sides) == len(grasp.pads)
+        self.state, self._next_ns = (NOTHING_HELD, 0) if weighs else (NO_SENSOR, NEVER_NS)
+        self.supported: ObjectState | None = None
+        self.swing: Swing | None = None
         self._known: dict[str, ObjectState] = {}
         self._alike = 0  # readings in a row that weigh as much as the named object
         self._supported: ObjectState | None = None
-        self._noise_n = min(side.noise_n for side in sides)
+        self._noise_n = min((side.noise_n for side in sides), default=LEAST_NOISE_N)
         self._estimate, self._swing = ObjectEstimate(), SwingEstimate()
         self._check = ArmCheck(math.hypot(*(side.noise_n for side in sides)))
         self._waiting: deque[_Load] = deque()
         self._geometry: _Geometry | None = None
         self._requested: deque[Array] = deque(maxlen=SLOW_READINGS)
         self._touching: tuple[bool, ...] = ()
-        self._next_ns = 0
 
     def update(self, t_ns: int, width_m: float | None) -> int:
         """Read the load where that is due; return when it is due again.
@@ -123,11 +139,10 @@ class HeldObject:
             return self._next_ns
         self._next_ns = t_ns + PERIOD_NS
         self._follow_touches()
-        motion_known = self._arm is not None and self._learn_by_arm(self._arm, width_m, t_ns)
-        motion_known = motion_known or self._learn_by_requests(width_m, t_ns)
-        state = self._state(motion_known=motion_known)
-        self._view.object, self._view.supported = state, self._supported if state.unknown == NOT_MOVED else None
-        self._view.swing = self._swing.swing()
+        by_arm = self._arm is not None and self._learn_by_arm(self._arm, width_m, t_ns)
+        self.state = self._judge(motion_known=by_arm or self._learn_by_requests(width_m, t_ns))
+        self.supported = self._supported if self.state.unknown == NOT_MOVED else None
+        self.swing = self._swing.swing()
         return self._next_ns
 
     def _follow_touches(self) -> None:
@@ -141,7 +156,8 @@ class HeldObject:
             self._estimate.forget(WAITING)
             self._swing = SwingEstimate()
 
-    def _state(self, *, motion_known: bool) -> ObjectState:
+    def _judge(self, *, motion_known: bool) -> ObjectState:
+        """Return what is known of the object, or why nothing is."""
         first, second = self._sides
         if not (first.finger.zero_known and second.finger.zero_known):
             return NOT_TARED
@@ -201,7 +217,7 @@ class HeldObject:
         rise = 1.0 + SCALE_STD * load.grip_n / self._noise_n
         estimate.update(own, motion, load.geometry.noise, rise, load.geometry.lever_m)
         if name is not None and not estimate.state.unknown:
-            self._known[name] = gripped_again(estimate.state, self._view.regrip_std_m)
+            self._known[name] = gripped_again(estimate.state, self._regrip_std_m)
 
     def _recognise(self, known: ObjectState, force_n: Array, gravity_mps2: Array) -> None:
         """Compare the force on the fingers with the weight of a named object: a table may still carry a part of it."""
@@ -281,16 +297,3 @@ def _geometry(sides: Sequence[Side], width_m: float | None) -> _Geometry:
         np.sum([side.noise(place_m) for side, place_m in zip(sides, places_m, strict=True)], axis=0),
         max(float(np.linalg.norm(place_m)) for place_m in places_m),
     )
-
-
-def make_held_object(view: GraspView | None, arm: ArmMotion | None, named: NamedObject) -> HeldObject | None:
-    """Return what follows the object; None where the rig cannot weigh it: `GraspView.object` then has the reason."""
-    if view is None:
-        return None
-    sides = []
-    for finger, place in zip(view.fingers, view.places, strict=True):
-        if finger.force is None:
-            view.object = NO_SENSOR
-            return None
-        sides.append(Side(finger, finger.force, place))
-    return HeldObject(view, sides, arm, named)

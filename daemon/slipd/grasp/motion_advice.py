@@ -22,7 +22,8 @@ from slipd.fusion.motion_limits import nearest_limit, worst_turn
 from slipd.fusion.motion_scale import check_points, follow_gravity, largest_scales
 from slipd.grasp.arm_gravity import ERROR_MPS2, ArmGravity
 from slipd.grasp.arm_motion import ArmMotion
-from slipd.grasp.grasp_view import GraspView, Place
+from slipd.grasp.grasp_view import Place
+from slipd.grasp.held_object import HeldObject
 from slipd.grasp.motion_answers import Mode, MotionCheck, MotionLimits, unbounded
 from slipd.grasp.pad_load import PadLoad, shares_of
 from slipd.grasp.swing_estimate import with_swing
@@ -79,7 +80,7 @@ class MotionAdvice:
     Args:
         grasp: ``[grasp]``.
         fingers: All fingers by name.
-        view: The two fingers as one grasp, with what is known of the object.
+        held: The object in the grasp.
         arm: Motion of the arm; None: no stream reports it.
 
     Attributes:
@@ -87,10 +88,10 @@ class MotionAdvice:
         wanted_mps2: Acceleration that is wanted in every direction.
     """
 
-    def __init__(self, grasp: Grasp, fingers: dict[str, Finger], view: GraspView, arm: ArmMotion | None) -> None:
+    def __init__(self, grasp: Grasp, fingers: dict[str, Finger], held: HeldObject, arm: ArmMotion | None) -> None:
         self.safety = max(fingers[name].config.grip_safety for name in grasp.pads)
         self.wanted_mps2 = grasp.motion.wanted_acceleration_mps2
-        self._view, self._arm = view, arm
+        self._object, self._arm = held, arm
         self._gravity = ArmGravity() if arm is None else arm.gravity
         self._loads = [PadLoad(fingers[name], Place(place)) for name, place in grasp.pads.items()]
         self._apparent = np.zeros(3)  # at the centre of mass, in the mean over the same looks as the loads
@@ -101,8 +102,8 @@ class MotionAdvice:
         if t_ns < self._looked_ns + LOOK_NS:
             return self._looked_ns + LOOK_NS
         self._looked_ns = t_ns
-        supported = self._view.supported
-        com_m = (supported or self._view.object).com_m
+        supported = self._object.supported
+        com_m = (supported or self._object.state).com_m
         known = com_m is not None and self._arm is not None and self._arm.is_used(t_ns)
         states = [load.finger.state for load in self._loads] if known else []
         wrenches = [
@@ -142,7 +143,7 @@ class MotionAdvice:
         fast = held.gravity - way * max(most_mps2, 1e-3)
         used, _, side, tips = self._worst(held, fast[None])
         spun = np.concatenate((held.spin_lever(), GYRATION_M**2 * held.pads[0].turn[2]))
-        now = self._apparent_now(held.com_m) if self._view.supported is None else held.apparent
+        now = self._apparent_now(held.com_m) if self._object.supported is None else held.apparent
         turn_use, turned = self._worst_orientation(held)
         limit_mps2 = max(most_mps2 - ERROR_MPS2, 0.0)
         fastest = max(self.wanted_mps2, float(np.linalg.norm(held.gravity - np.array(self._gravity.apparent_mps2))))
@@ -205,7 +206,7 @@ class MotionAdvice:
         times_s, memory = np.ascontiguousarray(points[:, 0]), _memory(held.pads)
         rest, moving = self._with_swing(held, times_s, at_rest, rigid)
         used, at, side, tips, lack, scale = check_points(*held.pads, rest, moving, self.safety, memory)
-        if self._view.swing is not None and 0.0 < scale < 1.0:  # a slower motion swings otherwise
+        if self._object.swing is not None and 0.0 < scale < 1.0:  # a slower motion swings otherwise
             slowed = self._with_swing(held, times_s / math.sqrt(scale), at_rest, scale * rigid)
             scale *= check_points(*held.pads, *slowed, self.safety, memory)[-1]
         return MotionCheck(
@@ -219,11 +220,11 @@ class MotionAdvice:
 
     def _with_swing(self, held: _Held, times_s: Array, rest: Array, rigid: Array) -> tuple[Array, Array]:
         """Return rest and motion of a rigid grip, as of `check_points`, with the swing of the object added."""
-        if self._view.swing is None:
+        if self._object.swing is None:
             return rest, rigid
         axis, apparent = held.pads[0].turn[2], held.apparent + rest[:, :3] + rigid[:, :3]
         spin = apparent @ held.spin_lever() + rigid[:, 3:] @ axis
-        return with_swing(self._view.swing, times_s, spin, float(held.pads[0].mass.mean()), axis, rest, rigid)
+        return with_swing(self._object.swing, times_s, spin, float(held.pads[0].mass.mean()), axis, rest, rigid)
 
     def _gravity_at_begin(self, point: Array, now: Array) -> Array | None:
         """Return gravity at the first point of a motion; None where it might point anywhere."""
@@ -239,7 +240,7 @@ class MotionAdvice:
             return NO_ARM
         if not self._arm.is_used(t_ns):
             return ARM_SILENT
-        gravity, own = self._gravity.gravity(), self._view.supported or self._view.object
+        gravity, own = self._gravity.gravity(), self._object.supported or self._object.state
         if gravity is None:
             return NO_GRAVITY
         first, second = (load.known(t_ns) for load in self._loads)

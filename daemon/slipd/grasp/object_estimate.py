@@ -26,7 +26,7 @@ from slipd.types.arrays import Array, cross_matrix
 
 @dataclass(slots=True, frozen=True)
 class ObjectState:
-    """Mass and centre of mass of the object, as `slipd.grasp.grasp_view.GraspView.object` holds them.
+    """Mass and centre of mass of the object, as `slipd.grasp.held_object.HeldObject.state` holds them.
 
     All in the gripper frame. None is unknown.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from slipd.events import Body, Output
 from slipd.grasp.grasp_view import GraspView, HoldState
+from slipd.grasp.held_object import HeldObject
 from slipd.grasp.motion_advice import MotionAdvice
 from slipd.grasp.motion_answers import MotionLimits
 from slipd.grasp.object_estimate import ObjectState
@@ -25,17 +26,21 @@ class GraspPublisher:
 
     Args:
         view: The two fingers as one grasp.
+        held: The object between them.
         gripper: Measures the width between the pads, and is commanded to open.
         sequencer: Numbers and dates the messages.
         rate_hz: ``rates.grasp_hz``.
     """
 
     def __init__(
-        self, view: GraspView, gripper: GripperControl | NoGripper, sequencer: MessageSequencer, rate_hz: float
+        self,
+        view: GraspView,
+        held: HeldObject,
+        gripper: GripperControl | NoGripper,
+        sequencer: MessageSequencer,
+        rate_hz: float,
     ) -> None:
-        self._view = view
-        self._gripper = gripper
-        self._sequencer = sequencer
+        self._view, self._held, self._gripper, self._sequencer = view, held, gripper, sequencer
         self._pace = Pace(rate_hz)
         self._hold = HoldState()
 
@@ -44,12 +49,12 @@ class GraspPublisher:
         self._hold.update(self._view.levels(), releasing=self._gripper.policy.releasing, t_ns=t_ns)
         if self._pace.passes(t_ns, (self._hold.word, self._view.level())):
             self._view.update(self._gripper.width_m)
-            body = grasp_body(self._view, self._hold, t_ns)
+            body = grasp_body(self._view, self._hold, self._held.state, t_ns)
             out.append(self._sequencer.message(GRASP_TOPIC, t_ns, GRASP_FRAME, body))
         return self._pace.due_ns
 
 
-def grasp_body(view: GraspView, hold: HoldState, t_ns: int) -> Body:
+def grasp_body(view: GraspView, hold: HoldState, held: ObjectState, t_ns: int) -> Body:
     """Return ``grasp``: both fingers together at ``t_ns``, as of the last `GraspView.update`."""
     state, load = view.state, view.load(t_ns)
     first, second = (finger.name for finger in view.fingers)
@@ -70,7 +75,7 @@ def grasp_body(view: GraspView, hold: HoldState, t_ns: int) -> Body:
         "load_share": None if share is None else {first: share, second: 1.0 - share},
         "asymmetry": load.asymmetry,
         "width_m": state.width_m,
-        "object": object_body(view.object),
+        "object": object_body(held),
         "age_s": load.age_s,
     }
     return finite_fields(body)

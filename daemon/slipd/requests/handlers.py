@@ -39,13 +39,14 @@ class RequestHandlers:
         free = {name for name, key in _FREED_BY.items() if getattr(rig.config.requests, key)}
         # a reflex acts on what some requests state
         self._steering = {name: op.steers for name, op in OPS.items() if rig.reflex is not None and name not in free}
+        advice = None if rig.grasp is None else rig.grasp.advice
         self._kept = IdempotencyCache()
         self._pending: dict[tuple[bytes, str | int], Body] = {}
         self._ops: dict[str, Handler] = {
             "hello": self._hello,
             "status": self._status_now,
             "record.stop": self._stop_recording,
-            "motion.check": partial(check_motion, rig.advice, rig.gripper),
+            "motion.check": partial(check_motion, advice, rig.gripper),
             **FingerHandlers(rig).ops,
             **grip_handlers(rig.gripper),
         }

@@ -17,6 +17,7 @@ from pad_wrenches import finger_load, pad_wrench
 from slipd import config
 from slipd.config import Config, Levels
 from slipd.grasp.grasp_view import GraspView, HoldState
+from slipd.grasp.object_estimate import NOTHING_HELD
 from slipd.publish.finger_messages import slip_body
 from slipd.publish.grasp_messages import grasp_body
 from slipd.tools.shipped_files import shipped_config
@@ -58,7 +59,7 @@ class Hand:
 
     def body(self, t_ns: int = T0, width_m: float | None = WIDTH_M) -> dict[str, Any]:
         self.view.update(width_m)
-        body = grasp_body(self.view, HoldState(), t_ns)
+        body = grasp_body(self.view, HoldState(), NOTHING_HELD, t_ns)
         assert decode(encode(body), MESSAGE_LIMITS) == body, "plain finite values"
         return body
 
@@ -184,7 +185,7 @@ def test_wrenches_of_both_pads_add_up_to_the_external_wrench(hand: Hand) -> None
         read_force(hand.fingers[name], WrenchSample(T0, None, force, torque, ()))
     view = GraspView(grasp, hand.fingers)
     view.update(WIDTH_M)
-    body = grasp_body(view, HoldState(), T0)
+    body = grasp_body(view, HoldState(), NOTHING_HELD, T0)
     assert body["external_force_n"] == pytest.approx([-0.7, 0.0, 2.5])
     where = np.array((-at[1], 0.0, at[0]))
     torque = np.cross(where, np.array((-0.7, 0.0, 2.5))) - np.array((0.0, 0.03, 0.0))

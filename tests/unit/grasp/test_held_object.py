@@ -18,7 +18,6 @@ from slipd import config
 from slipd.devices import bota
 from slipd.events import Bytes
 from slipd.grasp import held_object, object_estimate
-from slipd.grasp.grasp_view import GraspView
 from slipd.grasp.object_estimate import NamedObject
 from slipd_client.messages import Health
 
@@ -130,13 +129,13 @@ def swings(hz: float) -> Step:
 
 def swings_at(hz: float) -> Step:
     def check(run: HeldRun) -> None:
-        assert run.engine._status._rig.view.swing.rate_radps == pytest.approx(2.0 * np.pi * hz, rel=0.05)
+        assert run.engine._status._rig.grasp.held.swing.rate_radps == pytest.approx(2.0 * np.pi * hz, rel=0.05)
 
     return check
 
 
 def swings_nowhere(run: HeldRun) -> None:
-    assert run.engine._status._rig.view.swing is None
+    assert run.engine._status._rig.grasp.held.swing is None
 
 
 REST: Step = HeldRun.rest
@@ -224,7 +223,6 @@ def test_D6_a_course_of_an_object(name: str) -> None:
 def test_load_is_read_every_20_ms_where_two_force_sensors_see_a_grasp() -> None:
     run, blind = HeldRun(), ArmRun(ONE_SENSOR)
     grasp, fingers, t_ns = config.parse(RIG, "test").grasp, run.engine._fingers, run.t_ns + 1_000_000_000
-    held = held_object.make_held_object(GraspView(grasp, fingers), None, NamedObject())
+    held = held_object.HeldObject(grasp, fingers, None, NamedObject())
     assert held.update(t_ns, None) == held.update(t_ns + 1, None) == t_ns + held_object.PERIOD_NS
-    assert held_object.make_held_object(None, None, NamedObject()) is None
     follow(blind, [tick, unknown(held_object.NO_SENSOR.unknown)])

@@ -63,7 +63,7 @@ def test_a_turn_is_limited_by_the_inertia_and_by_the_lever_of_the_object() -> No
 @pytest.mark.parametrize("carried", [0.0, 0.4])
 def test_a_known_object_that_still_stands_on_a_table_is_advised_as_if_it_were_lifted(carried: float) -> None:
     lifted, advised = Advised(firm(0.4)), Advised(firm(0.4))
-    advised.view.object, advised.view.supported = ObjectState(unknown=NOT_MOVED), advised.own
+    advised.held.state, advised.held.supported = ObjectState(unknown=NOT_MOVED), advised.own
     for _ in range(40):
         advised.feel(DOWN, STILL, carried=carried)
     limits = advised.limits()
@@ -129,7 +129,7 @@ def build_up(seconds: float, most_mps2: float) -> Array:
 def test_an_object_that_swings_on_its_pads_uses_more_in_a_motion_of_half_a_period_and_not_in_a_slow_one() -> None:
     advised = Advised(firm(0.2, (0.0, 0.0, 0.03)))
     rigid = [advised.check(build_up(seconds, 12.0)) for seconds in (0.1, 2.0)]
-    advised.view.swing = Swing(2.0 * math.pi * 5.0, 0.0)
+    advised.held.swing = Swing(2.0 * math.pi * 5.0, 0.0)
     fast, slow = (advised.check(build_up(seconds, 12.0)) for seconds in (0.1, 2.0))
     assert slow.utilisation == pytest.approx(rigid[1].utilisation, rel=0.05)
     assert fast.utilisation > 1.4 * rigid[0].utilisation
@@ -137,7 +137,7 @@ def test_an_object_that_swings_on_its_pads_uses_more_in_a_motion_of_half_a_perio
     assert 0.4 < fast.time_scale < 0.95 * rigid[0].time_scale
     held = advised.check(build_up(0.1 / fast.time_scale, 12.0 * fast.time_scale**2))
     assert held.time_scale == pytest.approx(1.0, abs=0.03)
-    advised.view.swing = Swing(2.0 * math.pi * 5.0, 0.2)
+    advised.held.swing = Swing(2.0 * math.pi * 5.0, 0.2)
     swings = advised.check(build_up(2.0, 0.1))
     assert (swings.at_s, swings.time_scale) == (0.0, 0.0), "from before: slower is no help"
 
@@ -214,7 +214,7 @@ def jump(advised: Advised) -> None:
             lambda advised: setattr(advised.fingers["left"].force.gravity, "state", lambda _: "unknown_orientation"),
             "finger left: its own weight",
         ),
-        (lambda advised: setattr(advised.view, "object", NOTHING_HELD), "nothing is held"),
+        (lambda advised: setattr(advised.held, "state", NOTHING_HELD), "nothing is held"),
         (lambda advised: setattr(advised.arm, "is_used", lambda _: False), ARM_SILENT),
         (jump, NO_GRAVITY),
     ],
@@ -237,9 +237,9 @@ def test_a_contact_that_ended_begins_with_new_loads() -> None:
     advised.fingers["left"].state.reading = None
     advised.look()
     assert advised.advice.follow(advised.t_ns) > advised.t_ns, "not due"
-    advised.view.object = NOTHING_HELD
+    advised.held.state = NOTHING_HELD
     advised.feel(DOWN, STILL)
-    advised.view.object = advised.own
+    advised.held.state = advised.own
     assert advised.limits().unknown == "finger left: its load is not known yet"
     advised.feel(DOWN, STILL)
     assert advised.limits().unknown == ""
