@@ -28,7 +28,6 @@ import numpy as np
 from slipd.devices import Device, RateOption
 from slipd.devices.shared.device_interface import check_choice
 from slipd.devices.shared.frame_scanner import NO_FRAME, FrameDecoder, FrameScanner
-from slipd.devices.shared.msgpack_messages import Incomplete, Malformed, arrived
 from slipd.devices.shared.sensor_session import SensorSession, Step
 from slipd.devices.shared.sequence_tracker import SequenceTracker
 from slipd.types.samples import Sample, TactileSample
@@ -57,16 +56,26 @@ SUM_LENGTH = 2
 _TYPICAL_LENGTH = 640  # two sensors of nine pillars and their totals
 _COUNTER_SPAN = 1 << 32
 _LATEST_US = 1 << 53  # 285 years
-_WIDTHS = (1, 2, 4)  # of an offset, bytes
+_OFFSET_CODES = {1: "B", 2: "H", 4: "I"}  # of `struct`, by the width of an offset in bytes
 _PILLAR = np.dtype([("type", "<u2"), ("force_n", "<f4", 3), ("displacement_mm", "<f4", 3)])
 
-_LAYOUTS: dict[int, tuple[tuple[int, ...], int, int]] = {
-    PILLAR_FORCES: ((SENSORS, PILLARS), VECTORS_TYPE, VECTORS_FIELDS.size),
-    TOTALS: ((SENSORS,), VECTORS_TYPE, VECTORS_FIELDS.size),
-    PILLAR_SLIP: ((SENSORS, PILLARS), SLIP_TYPE, PILLAR_SLIP_FIELDS.size),
-    SENSOR_SLIP: ((SENSORS,), SLIP_TYPE, SENSOR_SLIP_FIELDS.size),
+_ENTRIES = {
+    PILLAR_FORCES: (VECTORS_TYPE, VECTORS_FIELDS.size),
+    TOTALS: (VECTORS_TYPE, VECTORS_FIELDS.size),
+    PILLAR_SLIP: (SLIP_TYPE, PILLAR_SLIP_FIELDS.size),
+    SENSOR_SLIP: (SLIP_TYPE, SENSOR_SLIP_FIELDS.size),
 }
-"""For each type of block with arrays: most items of each, the outermost first; type and length of an entry."""
+"""Type and length of the entries of each kind of block with arrays."""
+_OF_PILLARS = (PILLAR_FORCES, PILLAR_SLIP)
+"""Blocks with an array of the pillars of each sensor; the others have one entry for each sensor."""
+
+
+class _Incomplete(Exception):  # noqa: N818
+    """The bytes end before the frame does."""
+
+
+class _Malformed(Exception):  # noqa: N818
+    """There is no valid frame."""
 
 
 class Decoder(FrameDecoder):
@@ -106,17 +115,15 @@ class Decoder(FrameDecoder):
 
     def _samples(self, body: bytes, t_ns: int) -> list[TactileSample]:
         """Return the images of a valid frame."""
-        blocks, width = _index(body)[0], body[0]
+        blocks, _ = _index(body)
         counter, time_us = HUB_FIELDS.unpack_from(body, blocks[HUB])
         if not self._sequence.accept(counter) or PILLAR_FORCES not in blocks:
             return []
-        array = blocks[PILLAR_FORCES]
         samples = []
-        for sensor in range(_count(body, array)):
-            begin = _number(body, array + 2 + sensor * width, width)
-            if pillars := _count(body, begin):
-                entries = np.frombuffer(body, _PILLAR, pillars, begin + 2 + pillars * width)
-                forces_n = entries["force_n"].astype(np.float64)
+        for sensor, begin in enumerate(_array(body, blocks[PILLAR_FORCES], SENSORS)[0]):
+            pillars, first = _array(body, begin, PILLARS)
+            if pillars:
+                forces_n = np.frombuffer(body, _PILLAR, len(pillars), first)["force_n"].astype(np.float64)
                 status = () if np.isfinite(forces_n).all() else ("invalid",)
                 samples.append(TactileSample(t_ns, time_us * 1000, forces_n, status, str(sensor)))
         return samples
@@ -129,27 +136,27 @@ def measure(buffer: bytes, at: int) -> int:
     body = buffer[begin : at + LONGEST if closed < 0 else closed + len(END)]
     try:
         return len(START) + _blocks_end(body) + SUM_LENGTH + len(END)
-    except Malformed:
+    except _Malformed:
         return NO_FRAME
-    except Incomplete:
+    except _Incomplete:
         return 0 if closed < 0 and len(buffer) < at + LONGEST else NO_FRAME
 
 
 def _index(body: bytes) -> tuple[dict[int, int], int]:
     """Return where each block begins, by type in the order of the index, and where the index ends."""
-    width = body[arrived(body, 1) - 1]
-    if width not in _WIDTHS:
-        raise Malformed
-    entry = 2 + width
-    count, rest = divmod(_number(body, 3, width) - 1, entry)
-    table_end = 1 + count * entry
-    end = table_end + len(INDEX_END)
-    if not 1 <= count <= UNDEFINED or rest != len(INDEX_END) or body[table_end : arrived(body, end)] != INDEX_END:
-        raise Malformed
-    begins = {_count(body, at): _number(body, at + 2, width) for at in range(1, table_end, entry)}
+    width = body[_arrived(body, 1) - 1]
+    if width not in _OFFSET_CODES:
+        raise _Malformed
+    entry = struct.Struct(f"<H{_OFFSET_CODES[width]}")  # type and offset
+    first_block = entry.unpack_from(body, _arrived(body, 1 + entry.size) - entry.size)[1]
+    table_end = first_block - len(INDEX_END)
+    count, rest = divmod(table_end - 1, entry.size)
+    if rest or not 1 <= count <= UNDEFINED or body[table_end : _arrived(body, first_block)] != INDEX_END:
+        raise _Malformed
+    begins = dict(entry.iter_unpack(body[1:table_end]))
     if HUB not in begins or len(begins) < count:
-        raise Malformed
-    return begins, end
+        raise _Malformed
+    return begins, first_block
 
 
 def _blocks_end(body: bytes) -> int:
@@ -158,12 +165,12 @@ def _blocks_end(body: bytes) -> int:
     before = HUB
     for kind, begin in begins.items():
         if begin != end and (before != UNDEFINED or begin < end):
-            raise Malformed
+            raise _Malformed
         before, end = kind, _block_end(body, kind, begin)
     if _is_end(body, end):
         return end
     if before != UNDEFINED:
-        raise Malformed
+        raise _Malformed
     total, counted = 0, 0
     marker = body.find(END, end + SUM_LENGTH)
     while marker >= 0:
@@ -172,12 +179,12 @@ def _blocks_end(body: bytes) -> int:
         if total & 0xFFFF == int.from_bytes(body[end:marker], "little"):
             return end
         marker = body.find(END, marker + 1)
-    raise Incomplete
+    raise _Incomplete
 
 
 def _is_end(body: bytes, at: int) -> bool:
     """Return whether the blocks end at ``at``, followed by their sum and the end marker."""
-    tail = body[at : arrived(body, at + SUM_LENGTH + len(END))]
+    tail = body[at : _arrived(body, at + SUM_LENGTH + len(END))]
     return tail.endswith(END) and sum(body[:at]) & 0xFFFF == int.from_bytes(tail[:SUM_LENGTH], "little")
 
 
@@ -186,38 +193,49 @@ def _block_end(body: bytes, kind: int, at: int) -> int:
     if kind == UNDEFINED:
         return at
     if kind == HUB:
-        end = arrived(body, at + HUB_FIELDS.size)
-        if _number(body, at + 4, 8) >= _LATEST_US:
-            raise Malformed
+        end = _arrived(body, at + HUB_FIELDS.size)
+        if HUB_FIELDS.unpack_from(body, at)[1] >= _LATEST_US:
+            raise _Malformed
         return end
-    if kind not in _LAYOUTS:
-        raise Malformed
-    return _items_end(body, at, *_LAYOUTS[kind])
-
-
-def _items_end(body: bytes, at: int, most: tuple[int, ...], entry_type: int, entry_size: int) -> int:
-    """Return where an array ends: count, offset of each item, items; or, without a ``most``, an entry."""
-    width, count = body[0], _count(body, at)
-    if not most:
-        if count != entry_type:  # an entry begins with its type
-            raise Malformed
-        return arrived(body, at + entry_size)
-    if count > most[0]:
-        raise Malformed
-    first = end = at + 2 + count * width
-    for place in range(at + 2, first, width):
-        if _number(body, place, width) != end:
-            raise Malformed
-        end = _items_end(body, end, most[1:], entry_type, entry_size)
+    if kind not in _ENTRIES:
+        raise _Malformed
+    if kind not in _OF_PILLARS:
+        return _entries_end(body, at, SENSORS, *_ENTRIES[kind])
+    offsets, end = _array(body, at, SENSORS)
+    for offset in offsets:
+        if offset != end:
+            raise _Malformed
+        end = _entries_end(body, end, PILLARS, *_ENTRIES[kind])
     return end
 
 
-def _number(body: bytes, at: int, width: int) -> int:
-    return int.from_bytes(body[at : arrived(body, at + width)], "little")
+def _entries_end(body: bytes, at: int, most: int, entry_type: int, size: int) -> int:
+    """Return where an array of entries ends, each of which begins with its type and has ``size`` bytes."""
+    offsets, first = _array(body, at, most)
+    count = len(offsets)
+    end = first + count * size
+    if offsets != tuple(range(first, end, size)):
+        raise _Malformed
+    types = body[first : _arrived(body, end) : size] + body[first + 1 : end : size]
+    if types != bytes((entry_type,)) * count + bytes(count):
+        raise _Malformed
+    return end
 
 
-def _count(body: bytes, at: int) -> int:
-    return _number(body, at, 2)
+def _array(body: bytes, at: int, most: int) -> tuple[tuple[int, ...], int]:
+    """Return the offset of each item of the array at ``at``, and where the first item begins."""
+    count = int.from_bytes(body[at : _arrived(body, at + 2)], "little")
+    if count > most:
+        raise _Malformed
+    first = _arrived(body, at + 2 + count * body[0])
+    return struct.unpack_from(f"<{count}{_OFFSET_CODES[body[0]]}", body, at + 2), first
+
+
+def _arrived(body: bytes, end: int) -> int:
+    """Return ``end`` if all bytes before it have arrived."""
+    if end > len(body):
+        raise _Incomplete
+    return end
 
 
 RATES_HZ = (100, 250, 500, 1000)
