@@ -69,7 +69,7 @@ class Decoder(FrameDecoder):
     def __init__(self, calibrated: bool = False) -> None:
         super().__init__()
         self._calibrated = calibrated
-        self._frames = MessageScanner(_BEGIN, self._measure, _parse, self.health, text=b" \t\r\n")
+        self._frames = MessageScanner(_BEGIN, self._read, self.health, text=b" \t\r\n")
         # a WebSocket keeps the order, so a falling number is a restart of the server
         self._sequence = SequenceTracker(_NUMBER_SPAN, self.health, late_within=0)
         self._newest: dict[str, tuple[object, object]] = {}  # time and values of each sensor, as sent
@@ -87,6 +87,12 @@ class Decoder(FrameDecoder):
         self._sequence.forget()
         self._newest.clear()
         self._partial = 0, 0
+
+    def _read(self, buffer: bytes, at: int) -> tuple[int, dict[str, Any] | None]:
+        """Return length and content of the message at ``at``, for `MessageScanner`."""
+        length = self._measure(buffer, at)
+        message = _parse(buffer[at : at + length]) if length > 0 else None
+        return length if length <= 0 or message is not None else NO_FRAME, message
 
     def _measure(self, buffer: bytes, at: int) -> int:
         """Return the length of the object at ``at``; 0 if more bytes may close it, else `NO_FRAME`.

@@ -13,7 +13,6 @@ from slipd.devices import DEVICES, external, xela
 from slipd.devices import papillarray as pts
 from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.device_interface import DecoderHealth
-from slipd.devices.shared.frame_scanner import BYTES_PER_TRY, FREE_TRIES
 from slipd.tools.sim import emulated_pads as sim
 from slipd.tools.sim import emulated_rdt as sim_rdt
 
@@ -166,18 +165,8 @@ def test_a_search_for_records_in_garbage_takes_far_fewer_calls_than_it_checks_pl
     assert calls(lambda: scanner.records(junk)) < len(junk) // 20
 
 
-@pytest.mark.parametrize("piece", HOSTILE["external"][:3])
-@pytest.mark.parametrize("read", [100, SIZE])
-def test_garbage_full_of_beginnings_of_readings_takes_less_than_a_call_per_byte(piece: bytes, read: int) -> None:
-    assert receiving(external.Decoder(), repeat(piece), read) < SIZE
-
-
-def test_a_reading_after_a_stretch_of_garbage_is_found_and_the_next_stretch_is_checked_again() -> None:
+def test_a_reading_after_any_garbage_is_found() -> None:
     decoder = external.Decoder()
     reading = external.encode_reading("left", 1, force_n=(1.0, 2.0, 3.0))
-    for _ in range(3):
-        junk = b"\x83\xa3" * FREE_TRIES + bytes(BYTES_PER_TRY)
+    for junk in (b"\x83\xa3" * 500, b"\x83\xa6stream" * 500, bytes(5000)):
         assert len(decoder.receive(junk + reading, 0)) == 1
-    decoder.receive(b"\x83\xa3" * 4 * FREE_TRIES, 0)
-    decoder.forget()
-    assert len(decoder.receive(b"\x83\xa3" + reading, 0)) == 1, "on a new line no place is left out"

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from slipd.devices import Device
-from slipd.devices.external.external_message import MAX_MESSAGE, encode_reading, measure, parse
+from slipd.devices.external.external_message import MAX_MESSAGE, encode_reading, read
 from slipd.devices.shared.frame_scanner import FrameDecoder, MessageScanner
 from slipd.devices.shared.sequence_tracker import SequenceTracker
 from slipd.types.arrays import Array
@@ -44,7 +44,7 @@ class Decoder(FrameDecoder):
 
     def __init__(self) -> None:
         super().__init__()
-        self._frames = MessageScanner(_BEGIN, measure, parse, self.health)
+        self._frames = MessageScanner(_BEGIN, read, self.health)
         self._sequences: dict[str, SequenceTracker] = {}
 
     def receive(self, data: bytes, t_ns: int) -> list[Reading]:

@@ -2,9 +2,7 @@
 
 Each message is one msgpack map, `{stream, t_ns, force_n, torque_nm}`, `{stream, t_ns, values}`,
 `{stream, t_ns, object_pose, object_speed_mps}` or `{stream, t_ns, gravity_mps2, angular_velocity_radps}`;
-docs/devices.md describes it. Messages are self-delimiting, so no transport needs to deliver them one by one. The bounds
-of a message are checked first (`slipd.devices.shared.msgpack_messages`): only a map of known keys with values of the
-right types is unpacked.
+docs/devices.md describes it. Messages are self-delimiting, so no transport needs to deliver them one by one.
 """
 
 from __future__ import annotations
@@ -12,26 +10,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Any
 
 import msgpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slipd.devices.shared.msgpack_messages import (
-    NIL,
-    NUMBER_LENGTHS,
-    Malformed,
-    byte_at,
-    list_head,
-    map_end,
-    message_length,
-    numbers_end,
-    text_end,
-    unsigned_end,
-    vector_end,
-)
+from slipd.devices.shared.msgpack_messages import MessageReader, are_numbers, checked, read_message
 
 MAX_MESSAGE = 1 << 16
 """Longest message, bytes; a pad of 64 by 64 taxels fills 37,000."""
@@ -39,49 +24,27 @@ MAX_MESSAGE = 1 << 16
 MAX_TAXELS = 4096
 """The largest pad that a config can describe, 64 by 64."""
 
-MAX_NAME = 64
-MAX_STATUS = 8
-MAX_WORD = 32
-
 AXES = 3
-FIELDS = range(3, 8)
-"""Numbers of fields: ``stream``, ``t_ns`` and a reading of one to three fields; optionally ``seq`` and ``status``."""
 
 UNIT_TOLERANCE = 0.01
 """A quaternion is as long as 1 within this."""
 
-_MOTION = {b"gravity_mps2", b"angular_velocity_radps"}
+_MOTION = {"gravity_mps2", "angular_velocity_radps"}
 READINGS = (
-    {b"force_n"},
-    {b"force_n", b"torque_nm"},
-    {b"values"},
-    {b"object_pose"},
+    {"force_n"},
+    {"force_n", "torque_nm"},
+    {"values"},
+    {"object_pose"},
     _MOTION,
-    _MOTION | {b"angular_acceleration_radps2"},
+    _MOTION | {"angular_acceleration_radps2"},
 )
-SPEED = {b"object_speed_mps", b"object_speed_std_mps"}
+SPEED = {"object_speed_mps", "object_speed_std_mps"}
 """Fields of a reading: those of a force, of an image, of an arm's motion, or of an object: its pose, its speed with its
 error, or both."""
 
 _LATEST_NS = 1 << 63  # CLOCK_MONOTONIC is a signed 64-bit number
-_NAME = re.compile(r"[A-Za-z0-9_./-]+")
-_WORD = re.compile(r"[a-z][a-z0-9_]*")
-
-
-def parse(data: bytes) -> dict[str, Any] | None:
-    """Unpack a measured message; return None if a name or a time is impossible."""
-    try:
-        body: dict[str, Any] = msgpack.unpackb(data)
-    except UnicodeDecodeError:
-        return None
-    is_possible = (
-        _NAME.fullmatch(body["stream"])
-        and body["t_ns"] < _LATEST_NS
-        and all(_WORD.fullmatch(word) for word in body.get("status", ()))
-        and _is_orientation(body.get("object_pose", {}).get("quat_xyzw"))
-        and not body.get("object_speed_std_mps", 1.0) <= 0.0
-    )
-    return body if is_possible else None
+_NAME = re.compile(r"[A-Za-z0-9_./-]{1,64}")
+_WORD = re.compile(r"[a-z][a-z0-9_]{0,31}")
 
 
 def encode_reading(
@@ -144,7 +107,7 @@ def encode_reading(
         data: bytes = msgpack.packb(body)
     except OverflowError:
         data = b""
-    if not data or measure(data, 0) != len(data) or parse(data) is None:
+    if not data or read(data, 0)[0] != len(data):
         raise ValueError(
             f"a reading must have a valid name and time, and either a force of shape (3,), with or without a torque of "
             f"shape (3,), or values of shape (taxels,) or (taxels, 3), with at most {MAX_TAXELS} taxels and "
@@ -161,74 +124,67 @@ def _plain(numbers: Mapping[str, ArrayLike] | ArrayLike) -> Any:
     return np.asarray(numbers, dtype=np.float64).tolist()
 
 
-def _message_end(buffer: bytes, at: int) -> int:
-    end, keys = map_end(buffer, at, FIELDS, _VALUE_ENDS)
-    reading = keys - {b"stream", b"t_ns", b"seq", b"status"}
-    if not {b"stream", b"t_ns"} <= keys:
-        raise Malformed
-    if reading not in READINGS and reading - {b"object_pose"} != SPEED:
-        raise Malformed
-    return end
+def _is_time(value: object) -> bool:
+    return type(value) is int and 0 <= value < _LATEST_NS
 
 
-measure = partial(message_length, _message_end, MAX_MESSAGE)
-"""``measure(buffer, at)`` returns the length of the message at ``at``; 0 if more bytes may decide, -1 for none."""
+def _is_vector(value: object, length: int = AXES) -> bool:
+    return isinstance(value, tuple) and len(value) == length and are_numbers(value)
 
 
-_vector_end = vector_end(AXES)
+def _is_orientation(value: Any) -> bool:
+    """Return whether a value is a quaternion of unit length; one that is not finite is marked later."""
+    if not _is_vector(value, 4):
+        return False
+    return not all(map(math.isfinite, value)) or abs(math.hypot(*value) - 1.0) < UNIT_TOLERANCE
 
 
-def _torque_end(buffer: bytes, at: int) -> int:
-    return at + 1 if byte_at(buffer, at) == NIL else _vector_end(buffer, at)
+def _is_status(value: object) -> bool:
+    return isinstance(value, tuple) and all(isinstance(word, str) and _WORD.fullmatch(word) for word in value)
 
 
-def _values_end(buffer: bytes, at: int) -> int:
-    count, begin = list_head(buffer, at, range(1, MAX_TAXELS + 1))
-    if byte_at(buffer, begin) in NUMBER_LENGTHS:
-        return numbers_end(buffer, begin, count)
-    for _ in range(count):
-        begin = _vector_end(buffer, begin)
-    return begin
+def _read_pose(reader: MessageReader) -> dict[str, Any]:
+    pose = reader.fields({"xyz_m": _VECTOR, "quat_xyzw": checked(_is_orientation)})
+    if "xyz_m" not in pose:
+        raise ValueError("no position")
+    return pose
 
 
-def _number_end(buffer: bytes, at: int) -> int:
-    return numbers_end(buffer, at, 1)
+def _read_image(reader: MessageReader) -> list[Any]:
+    taxels = reader.items(MAX_TAXELS)
+    if not taxels or not (are_numbers(taxels) or all(map(_is_vector, taxels))):
+        raise ValueError("no image")
+    return taxels
 
 
-def _pose_end(buffer: bytes, at: int) -> int:
-    end, keys = map_end(buffer, at, range(1, 3), {b"xyz_m": _vector_end, b"quat_xyzw": vector_end(4)})
-    if b"xyz_m" not in keys:
-        raise Malformed
-    return end
-
-
-def _is_orientation(quat_xyzw: Sequence[float] | None) -> bool:
-    """Return whether a quaternion is missing or has unit length; values that are not finite are marked later."""
-    if quat_xyzw is None or not all(map(math.isfinite, quat_xyzw)):
-        return True
-    return abs(math.hypot(*quat_xyzw) - 1.0) < UNIT_TOLERANCE
-
-
-def _status_end(buffer: bytes, at: int) -> int:
-    count, at = list_head(buffer, at, range(MAX_STATUS + 1))
-    for _ in range(count):
-        at = text_end(buffer, at, 1, MAX_WORD)
-    return at
-
-
-_VALUE_ENDS = {
-    b"stream": lambda buffer, at: text_end(buffer, at, 1, MAX_NAME),
-    b"t_ns": unsigned_end,
-    b"seq": unsigned_end,
-    b"force_n": _vector_end,
-    b"torque_nm": _torque_end,
-    b"values": _values_end,
-    b"object_pose": _pose_end,
-    b"object_speed_mps": _number_end,
-    b"object_speed_std_mps": _number_end,
-    b"gravity_mps2": _vector_end,
-    b"angular_velocity_radps": _vector_end,
-    b"angular_acceleration_radps2": _vector_end,
-    b"status": _status_end,
+_VECTOR = checked(_is_vector)
+_NUMBER = checked(lambda value: are_numbers((value,)))
+_READ_VALUES = {
+    "stream": checked(lambda value: isinstance(value, str) and _NAME.fullmatch(value)),
+    "t_ns": checked(_is_time),
+    "seq": checked(lambda value: type(value) is int and value >= 0),
+    "force_n": _VECTOR,
+    "torque_nm": checked(lambda value: value is None or _is_vector(value)),
+    "values": _read_image,
+    "object_pose": _read_pose,
+    "object_speed_mps": _NUMBER,
+    "object_speed_std_mps": checked(lambda value: are_numbers((value,)) and not value <= 0.0),
+    "gravity_mps2": _VECTOR,
+    "angular_velocity_radps": _VECTOR,
+    "angular_acceleration_radps2": _VECTOR,
+    "status": checked(_is_status),
 }
-"""For each key, where its value ends."""
+"""How the value of each key is read."""
+
+
+def _parse(reader: MessageReader) -> dict[str, Any] | None:
+    """Return the fields of a message; None if they are not those of one reading."""
+    fields = reader.fields(_READ_VALUES)
+    reading = fields.keys() - {"stream", "t_ns", "seq", "status"}
+    is_reading = reading in READINGS or reading - {"object_pose"} == SPEED
+    return fields if is_reading and {"stream", "t_ns"} <= fields.keys() else None
+
+
+def read(buffer: bytes, at: int) -> tuple[int, dict[str, Any] | None]:
+    """Return length and fields of the message at ``at``, see `read_message`."""
+    return read_message(buffer, at, MAX_MESSAGE, _parse)

@@ -1,44 +1,26 @@
 """Messages between the daemon and an external driver of the gripper: msgpack maps, version 1 of the format.
 
 The driver registers, reports, and answers set-points; the daemon sends set-points. docs/devices.md describes the
-format. The bounds of a message are checked before it is unpacked: a flat map of known keys, each once, with short
-values. Then every value is checked: a value that is not finite, or beyond any gripper's range, makes the whole message
-invalid.
+format. A value that is not finite, or beyond any gripper's range, makes the whole message invalid.
 """
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from functools import partial
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import msgpack
 from pydantic import AfterValidator, ConfigDict, Field, Strict, TypeAdapter, ValidationError
 
 from slipd.devices.shared.frame_scanner import FrameDecoder, MessageScanner
-from slipd.devices.shared.msgpack_messages import (
-    FIXARRAY,
-    FIXSTR,
-    NIL,
-    NUMBER_LENGTHS,
-    STR8,
-    Malformed,
-    arrived,
-    byte_at,
-    map_end,
-    message_length,
-    text_end,
-)
+from slipd.devices.shared.msgpack_messages import MessageReader, read_message
 from slipd.types.samples import GripperSample
 
 VERSION = 1
 
 MAX_MESSAGE = 512
 """Longest message, bytes; a report with all fields fills 250."""
-
-MAX_TEXT = 120
-"""Longest name, fault or error, bytes."""
 
 MAX_WIDTH_M = 2.0
 MAX_SPEED_MPS = 10.0
@@ -53,8 +35,7 @@ _KEYS = (
     *("v", "name", "width_range_m", "force_range_n", "speed_range_mps"),
     *("width_m", "active", "moving", "object", "fault", "force_n", "id", "applied_n", "error"),
 )
-_SIZES = range(2, 11)  # from the least report to the fullest
-_SCALAR_LENGTHS = NUMBER_LENGTHS | {NIL: 1, 0xC2: 1, 0xC3: 1}  # numbers, nil, false, true
+_READ_VALUES = dict.fromkeys(_KEYS, MessageReader.value)
 
 
 def _rising(ends: tuple[float, float]) -> tuple[float, float]:
@@ -119,40 +100,9 @@ Message = Registration | Report | Foreign
 _REGISTRATIONS, _REPORTS = TypeAdapter(Registration), TypeAdapter(Report)
 
 
-def _message_end(buffer: bytes, at: int) -> int:
-    return map_end(buffer, at, _SIZES, _VALUE_ENDS)[0]
-
-
-measure = partial(message_length, _message_end, MAX_MESSAGE)
-"""``measure(buffer, at)`` returns the length of the message at ``at``; 0 if more bytes may decide, -1 for none."""
-
-
-def _value_end(buffer: bytes, at: int) -> int:
-    """Return where a number, a flag, a text, nil or a pair of numbers ends."""
-    head = byte_at(buffer, at)
-    if head == FIXARRAY + 2:
-        return _scalar_end(buffer, _scalar_end(buffer, at + 1))
-    if head == STR8 or FIXSTR <= head < FIXSTR + 32:
-        return text_end(buffer, at, 0, MAX_TEXT)
-    return _scalar_end(buffer, at)
-
-
-def _scalar_end(buffer: bytes, at: int) -> int:
-    length = _SCALAR_LENGTHS.get(byte_at(buffer, at))
-    if length is None:
-        raise Malformed
-    return arrived(buffer, at + length)
-
-
-_VALUE_ENDS = {key.encode(): _value_end for key in _KEYS}
-
-
-def parse(data: bytes) -> Message | None:
-    """Return the content of a measured message; None if a value is impossible."""
-    try:
-        body: dict[str, Any] = msgpack.unpackb(data, use_list=False)
-    except UnicodeDecodeError:
-        return None
+def _parse(reader: MessageReader) -> Message | None:
+    """Return the content of a message; None if a value is impossible."""
+    body = reader.fields(_READ_VALUES)
     version = body.get("v")
     if type(version) is not int:
         return None
@@ -165,6 +115,11 @@ def parse(data: bytes) -> Message | None:
         return _REPORTS.validate_python({"object": "moving" if body.get("moving") else "none"} | body)
     except ValidationError:
         return None
+
+
+def read(buffer: bytes, at: int) -> tuple[int, Message | None]:
+    """Return length and content of the message at ``at``, see `read_message`."""
+    return read_message(buffer, at, MAX_MESSAGE, _parse)
 
 
 def encode_setpoint(setpoint_id: int, operation: str, **values: float | None) -> bytes:
@@ -204,7 +159,7 @@ class Decoder(FrameDecoder):
 
     def __init__(self) -> None:
         super().__init__()
-        self._frames = MessageScanner(_BEGIN, measure, parse, self.health)
+        self._frames = MessageScanner(_BEGIN, read, self.health)
 
     def receive(self, data: bytes, t_ns: int) -> list[GripperSample]:
         """Decode bytes received at ``t_ns``; return the readings they complete."""

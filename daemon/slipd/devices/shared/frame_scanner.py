@@ -184,21 +184,14 @@ class FixedLengthScanner(FrameScanner):
 
 MessageT = TypeVar("MessageT")
 
-FREE_TRIES, BYTES_PER_TRY = 64, 64
-"""In a stretch of garbage, the places that are checked at once, and then the bytes per further place.
-
-Each check takes microseconds, and any two bytes may look like the beginning of a message.
-"""
-
 
 class MessageScanner(FrameScanner, Generic[MessageT]):
     """Find messages that have no sync bytes and no checksum; each stretch of other bytes counts as one ``bad``.
 
     Args:
         begin: Pattern of the first bytes of a message.
-        measure: ``measure(buffer, at)`` returns the length of the message at ``at``; 0 if the buffer ends too early to
-            decide; `NO_FRAME` if no message begins there.
-        parse: ``parse(data)`` returns the content of a measured message; None if a value in it is impossible.
+        read: ``read(buffer, at)`` returns length and content of the message at ``at``; 0 and None if the buffer ends
+            too early to decide; `NO_FRAME` and None if no message begins there.
         health: Receives ``bad`` and ``bad_bytes``.
         text: See `FrameScanner`.
     """
@@ -206,48 +199,32 @@ class MessageScanner(FrameScanner, Generic[MessageT]):
     def __init__(
         self,
         begin: re.Pattern[bytes],
-        measure: Callable[[bytes, int], int],
-        parse: Callable[[bytes], MessageT | None],
+        read: Callable[[bytes, int], tuple[int, MessageT | None]],
         health: DecoderHealth,
         *,
         text: bytes = b"",
     ) -> None:
-        super().__init__(b"", self._measure_message, sys.maxsize, health, text=text, seek=self._next_try)
+        super().__init__(b"", self._measure_message, sys.maxsize, health, text=text, seek=self._seek_begin)
         self._begin = begin
-        self._length_at = measure
-        self._parse = parse
+        self._read = read
         self._found: list[MessageT] = []
-        self._done = 0  # end of the newest message in the buffer
-        self._tries = 0  # places after it that were checked in vain
 
     def messages(self, data: bytes) -> list[MessageT]:
         """Scan the next bytes of the stream; return the messages they complete."""
-        self._found, self._done = [], 0
+        self._found = []
         self.receive(data)
         return self._found
 
-    def forget(self) -> None:
-        """Drop a partial message, because the line was closed; what comes next is no part of earlier garbage."""
-        super().forget()
-        self._tries = 0
-
     def _measure_message(self, buffer: bytes, at: int) -> int:
         """Measure a message for `FrameScanner`, which calls this once per valid message, and keep its content."""
-        length = self._length_at(buffer, at)
-        if length <= 0:
-            return length
-        message = self._parse(buffer[at : at + length])
-        if message is None:
-            return NO_FRAME
-        self._found.append(message)
-        self._done, self._tries = at + length, 0
+        length, message = self._read(buffer, at)
+        if message is not None:
+            self._found.append(message)
         return length
 
-    def _next_try(self, buffer: bytes, at: int) -> int:
+    def _seek_begin(self, buffer: bytes, at: int) -> int:
         """Return the index of the first byte, at ``at`` or later, where a message may begin; -1 if there is none."""
-        self._tries += 1
-        allowed = self._done + (self._tries - FREE_TRIES) * BYTES_PER_TRY - self._damage
-        begin = self._begin.search(buffer, max(at, allowed))
+        begin = self._begin.search(buffer, at)
         return begin.start() if begin else -1
 
 

@@ -114,7 +114,7 @@ def encode_driver_message(message: Registration | Report) -> bytes:
         body.pop("applied_n", None)
     body = {key: value for key, value in body.items() if key not in _LEFT_OUT or value != _LEFT_OUT[key]}
     data: bytes = msgpack.packb(body)
-    if wire.measure(data, 0) != len(data) or wire.parse(data) is None:
+    if wire.read(data, 0)[0] != len(data):
         raise ValueError(f"a driver's message must have finite numbers within their bounds, got {body}")
     return data
 

@@ -14,7 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slipd.devices.external_gripper import external_gripper_message as wire
-from slipd.devices.external_gripper.external_gripper_message import Foreign, Registration, Report, measure, parse
+from slipd.devices.external_gripper.external_gripper_message import Foreign, Registration, Report, read
+from slipd.devices.shared.msgpack_messages import MAX_TEXT
 from slipd.tools.sim.emulated_external import encode_driver_message
 
 DRIVER = Registration("lab driver", (0.0, 0.1), (2.0, 60.0), (0.01, 0.2))
@@ -42,7 +43,9 @@ reports = st.builds(
 
 def unpack(body: Any) -> Any:
     data = msgpack.packb(body)
-    return parse(data) if measure(data, 0) == len(data) else None
+    length, message = read(data, 0)
+    assert length == (-1 if message is None else len(data))
+    return message
 
 
 def test_a_registration_and_a_report_are_as_documented() -> None:
@@ -58,8 +61,8 @@ def test_a_registration_and_a_report_are_as_documented() -> None:
 def test_encoded_messages_are_parsed(report: Report) -> None:
     data = encode_driver_message(report)
     assert len(data) <= wire.MAX_MESSAGE
-    assert parse(data) == report
-    assert parse(encode_driver_message(DRIVER)) == DRIVER
+    assert read(data, 0) == (len(data), report)
+    assert read(encode_driver_message(DRIVER), 0)[1] == DRIVER
 
 
 def test_every_part_of_a_message_is_incomplete_and_following_bytes_do_not_matter() -> None:
@@ -69,8 +72,8 @@ def test_every_part_of_a_message_is_incomplete_and_following_bytes_do_not_matter
         encode_driver_message(Report(0.1, fault="f" * 100)),
         msgpack.packb(REPORT | {"id": 2**40, "force_n": -(2**40)}),
     ):
-        assert [measure(data[:size], 0) for size in range(1, len(data))] == [0] * (len(data) - 1)
-        assert measure(data + b"\xff" * 9, 0) == measure(b"\x00" + data, 1) == len(data)
+        assert [read(data[:size], 0) for size in range(1, len(data))] == [(0, None)] * (len(data) - 1)
+        assert read(data + b"\xff" * 9, 0) == read(b"\x00" + data, 1) == read(data, 0)
 
 
 WRONG: list[Any] = [
@@ -84,7 +87,7 @@ WRONG: list[Any] = [
     REGISTRATION | {"name": ""},
     REGISTRATION | {"name": "two\nlines"},
     REGISTRATION | {"name": 5},
-    REGISTRATION | {"name": "x" * (wire.MAX_TEXT + 1)},
+    REGISTRATION | {"name": "x" * (MAX_TEXT + 1)},
     REGISTRATION | {"width_m": 0.1},
     {key: value for key, value in REGISTRATION.items() if key != "force_range_n"},
     REPORT | {"active": 1},
@@ -125,24 +128,24 @@ def test_N1_a_message_that_is_not_as_documented_is_rejected(body: Any) -> None:
 
 def test_text_that_is_not_utf_8_and_a_duplicate_key_are_rejected() -> None:
     data = msgpack.packb(REPORT | {"fault": "x"}).replace(b"\xa1x", b"\xa1\xff")
-    assert (measure(data, 0), parse(data)) == (len(data), None)
-    assert measure(b"\x83\xa1v\x01\xa7width_m\x00\xa7width_m\x01", 0) == -1, "before anything is unpacked"
+    assert read(data, 0) == (-1, None)
+    assert read(b"\x83\xa1v\x01\xa7width_m\x00\xa7width_m\x01", 0)[0] == -1
 
 
 def test_L3_a_wrong_length_is_not_waited_for() -> None:
     start = b"\x83\xa1v\x01\xa5fault\xd9"
-    assert measure(start + b"\xff", 0) == -1
-    assert measure(start + b"\x78" + bytes(0x77), 0) == 0
+    assert read(start + b"\xff", 0)[0] == -1
+    assert read(start + b"\x78" + bytes(0x77), 0)[0] == 0
     texts = [b"\xa6object", b"\xa5fault", b"\xa5error", b"\xa4name", b"\xa6active"]
     long = b"\x8a" + b"".join(key + b"\xd9\x78" + bytes(0x78) for key in texts)
-    assert measure(long[: wire.MAX_MESSAGE - 1], 0) == 0
-    assert measure(long[: wire.MAX_MESSAGE], 0) == -1
-    assert measure(b"\x85" + long[1:], 0) == -1
+    assert read(long[: wire.MAX_MESSAGE - 1], 0)[0] == 0
+    assert read(long[: wire.MAX_MESSAGE], 0)[0] == -1
+    assert read(b"\x85" + long[1:], 0)[0] == -1
 
 
 def test_L3_noise_is_seldom_even_a_beginning() -> None:
     noise = random.Random(3).randbytes(50_000)
-    assert all(measure(noise, at) <= 0 for at in range(len(noise)) if 0x82 <= noise[at] <= 0x8A)
+    assert all(read(noise, at)[0] <= 0 for at in range(len(noise)) if 0x82 <= noise[at] <= 0x8A)
 
 
 @pytest.mark.parametrize(
@@ -173,4 +176,4 @@ def test_set_points_and_notices_are_as_documented() -> None:
 def test_a_key_that_is_not_text_does_not_lead_backwards() -> None:
     """As a text, its length would be negative, and its end before its beginning."""
     body = b"\x00v\x00\xa7width_m\xc0"
-    assert measure(b"\x82" + body + bytes(161 - 1 - len(body)), 0) == -1
+    assert read(b"\x82" + body + bytes(161 - 1 - len(body)), 0)[0] == -1
