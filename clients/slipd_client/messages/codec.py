@@ -37,7 +37,7 @@ def read(frames: list[bytes]) -> tuple[str, dict[str, Any]]:
         raise MessageError("malformed", f"the topic must be UTF-8: {error}") from error
     raw = decode(frames[1], MESSAGE_LIMITS)
     if raw.get("v") != PROTOCOL_VERSION:
-        rule = f"v, the version of the API, must be {PROTOCOL_VERSION}, got {raw.get('v')!r:.40}"
+        rule = f"the version of the API must be {PROTOCOL_VERSION}, got {raw.get('v')!r:.40}"
         raise MessageError("unsupported_version", rule, "v")
     for field, kind in _HEADER.items():
         if type(raw.get(field)) is not kind:

@@ -38,7 +38,7 @@ def check_request(body: dict[str, Any], boot: str, t_ns: int) -> None:
     """
     if not INTEGER.fits(body.get("v")) or body["v"] != PROTOCOL_VERSION:
         raise RefusalError(
-            "unsupported_version", f"v, the version of the API, must be {PROTOCOL_VERSION}, {_found(body, 'v')}", "v"
+            "unsupported_version", f"the version of the API must be {PROTOCOL_VERSION}, {_found(body, 'v')}", "v"
         )
     if "id" not in body:
         rule = "id is missing: it must be a string or an integer, new for every request"

@@ -143,7 +143,7 @@ def message(topic: str, seq: int, boot: str = "one", **fields: Any) -> list[byte
 FIRST = [message("slip.left", 1), message("status", 1)]
 AGAIN = message("slip.left", 3)
 UNREADABLE = [[b"slip.left", b"\xc1"], [b"warning"], [*message("status", 1), b""], message("grasp", 1, v=2)]
-BAD = "unsupported_version: v must be 1, got 2"
+BAD = "unsupported_version: v: the version of the API must be 1, got 2"
 CLEAR: list[list[bytes]] = []
 """In the place of messages: nobody looks any more."""
 
