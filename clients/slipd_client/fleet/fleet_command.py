@@ -68,8 +68,11 @@ def fleet_lines(fleet: str, rows: Sequence[RobotRow], unread: int, terminal: Ter
 
 
 def fleet_map(fleet: str, rows: Sequence[RobotRow], unread: int) -> dict[str, Any]:
-    """Return the fleet as a map of plain values, for JSON."""
-    robots = [asdict(row) | {"health": None if row.health is None else row.health.name} for row in by_urgency(rows)]
+    """Return the fleet as a map of plain values, for JSON and the page."""
+    robots = [
+        asdict(row) | {"health": None if row.health is None else row.health.name, "remarks": _remarks(row)}
+        for row in by_urgency(rows)
+    ]
     return {"fleet": fleet, "robots": robots, "unread": unread}
 
 

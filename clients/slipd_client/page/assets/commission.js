@@ -1,20 +1,16 @@
 // The page /commission: what the guide of `slipd commission` says, and what the person chooses.
 
-import { WRONG_TOKEN } from "./connection.js";
+import { WRONG_TOKEN, WRONG_TOKEN_CODE, openSocket, showState, token } from "./connection.js";
 import { length, parts, quantity, setText } from "./format.js";
-
-const WRONG_TOKEN_CODE = 4403;
 
 const LOST = "the connection to the view's server was lost; nothing more is written";
 const NO_GUIDE = "no connection to the guide: the view's server is gone, or it was started without buttons";
 
-const token = location.hash.slice(1);
 const byId = (id) => document.getElementById(id);
 let socket = null;
 let ended = false;
 let config = "";
 
-addEventListener("hashchange", () => location.reload()); // another token
 byId("back").hash = token;
 byId("typed").addEventListener("submit", (event) => {
   event.preventDefault();
@@ -28,7 +24,7 @@ function begin() {
   byId("log").replaceChildren();
   byId("change").hidden = true;
   showPrompt("The guide starts.", "", []);
-  socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/commission-guide`);
+  socket = openSocket("commission-guide");
   let opened = false;
   socket.onopen = () => {
     opened = true;
@@ -62,11 +58,6 @@ function receive(message) {
   } else if (message.ended) {
     end(message.ended.error, message.ended.code === 0 ? "Everything followed." : "Not everything followed: see what was found.");
   }
-}
-
-function showState(word, text) {
-  byId("connection").dataset.state = word;
-  setText(byId("connection"), text);
 }
 
 function say(text) {

@@ -1,21 +1,40 @@
-// The WebSocket to the view's server: one frame at a time, again whenever it is lost, and only while the page is seen.
+// The way to the view's server: the token in the page's address, what needs it, and whether the server is reached.
+
+import { setText } from "./format.js";
 
 export const RETRY_MS = 500;
+
+/** The token in the page's address. */
+export const token = location.hash.slice(1);
+
+addEventListener("hashchange", () => location.reload()); // another token
 
 /** What people read where the server does not accept the token. */
 export const WRONG_TOKEN = "this address is of an earlier start, or not complete: open the one that is printed now";
 
 /** The code with which the server closes the WebSocket then. */
-const WRONG_TOKEN_CODE = 4403;
+export const WRONG_TOKEN_CODE = 4403;
 
+/** Ask for what the server gives only to those who have the token. */
+export const fetchPrivate = (path) => fetch(path, { headers: { Authorization: `Bearer ${token}` } });
+
+/** Open a WebSocket to the server. */
+export const openSocket = (path) => new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/${path}`);
+
+/** Show whether the server is reached: a word for the style sheet, and a text. */
+export function showState(word, text) {
+  const element = document.getElementById("connection");
+  element.dataset.state = word;
+  setText(element, text);
+}
+
+/** The WebSocket of the live view: one frame at a time, again whenever it is lost, and only while the page is seen. */
 export class Connection {
   /**
-   * @param token the token in the page's address
    * @param handlers onFrame(frame), onPermission(text), onReply(reply), onState(word, text), onHand(fingers),
    *   onTouched(reply)
    */
-  constructor(token, handlers) {
-    this.token = token;
+  constructor(handlers) {
     this.handlers = handlers;
     this.socket = null;
     this.refused = false;
@@ -33,10 +52,10 @@ export class Connection {
   }
 
   #open() {
-    const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`);
+    const socket = openSocket("live");
     this.socket = socket;
     socket.onopen = () => {
-      socket.send(this.token);
+      socket.send(token);
       socket.send("next");
       this.handlers.onState("open", "");
     };

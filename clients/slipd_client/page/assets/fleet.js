@@ -1,6 +1,6 @@
 // The page of `slipctl fleet --page`: every robot in a row, asked for twice a second. It only shows.
 
-import { WRONG_TOKEN } from "./connection.js";
+import { WRONG_TOKEN, fetchPrivate, showState } from "./connection.js";
 import { isNumber, quantity, setText, UNKNOWN } from "./format.js";
 import { known, word } from "./levels.js";
 
@@ -8,12 +8,10 @@ const PERIOD_MS = 500;
 
 const STALE_MS = 2000;
 
-const token = location.hash.slice(1);
 const byId = (id) => document.getElementById(id);
 const rows = new Map();
 let answeredMs = 0;
 
-addEventListener("hashchange", () => location.reload()); // another token
 window.slipd = { rows };
 follow();
 
@@ -25,7 +23,7 @@ async function follow() {
 /** Ask for the fleet, and show it; return whether to ask again. */
 async function ask() {
   try {
-    const answer = await fetch("data/fleet.json", { headers: { Authorization: `Bearer ${token}` } });
+    const answer = await fetchPrivate("data/fleet.json");
     if (answer.status === 401) {
       showState("refused", WRONG_TOKEN);
       return false;
@@ -40,11 +38,6 @@ async function ask() {
     }
   }
   return true;
-}
-
-function showState(state, text) {
-  byId("connection").dataset.state = state;
-  setText(byId("connection"), text);
 }
 
 function show(fleet) {
@@ -86,21 +79,10 @@ function fill(row, robot) {
   showLevel(level, robot.level);
   setText(health, robot.health ?? UNKNOWN);
   setText(age, isNumber(robot.age_s) ? quantity(robot.age_s, 1, "s") : UNKNOWN);
-  setText(remarks, remarksOf(robot));
+  setText(remarks, robot.remarks);
 }
 
 function showLevel(cell, level) {
   cell.firstChild.dataset.level = known(level);
   setText(cell.firstChild, word(level));
-}
-
-/** What explains a row: its fault, levels of the fingers, reasons, the worst stream, what was missed. */
-function remarksOf(robot) {
-  const publishing = robot.state === "live" || robot.state === "clash";
-  const fingers = Object.entries(robot.fingers).map(([finger, level]) => `${finger} ${level}`).join(", ");
-  const parts = [robot.fault, robot.expected ? "" : "not one of --robots", publishing || !fingers ? fingers : `last: ${fingers}`];
-  if (robot.state === "live") parts.push(robot.reasons.join(", "));
-  parts.push(robot.complaint, robot.object_name && `holds ${robot.object_name}`);
-  parts.push(robot.missed_warnings ? `${robot.missed_warnings} warnings missed` : "");
-  return parts.filter(Boolean).join("; ");
 }

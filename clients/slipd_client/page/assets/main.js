@@ -1,6 +1,6 @@
 // Puts the page together: a source of frames, the state, and the cards that draw it.
 
-import { Connection, RETRY_MS, WRONG_TOKEN } from "./connection.js";
+import { Connection, RETRY_MS, WRONG_TOKEN, fetchPrivate, showState, token } from "./connection.js";
 import { FingerCard } from "./finger.js";
 import { UNKNOWN, quantity, setText } from "./format.js";
 import { GraspCard } from "./grasp.js";
@@ -12,10 +12,6 @@ import { State } from "./state.js";
 /** How often the page looks whether something has become stale, ms. */
 const LOOK_MS = 100;
 
-addEventListener("hashchange", () => location.reload()); // another token
-
-const token = location.hash.slice(1);
-const connection = document.getElementById("connection");
 const settings = await loadSettings();
 const { words } = settings;
 
@@ -42,16 +38,14 @@ let frames = 0;
 async function loadSettings() {
   for (;;) {
     try {
-      const answer = await fetch("settings.json", { headers: { Authorization: `Bearer ${token}` } });
+      const answer = await fetchPrivate("settings.json");
       if (answer.ok) return await answer.json();
       if (answer.status === 401) {
-        connection.dataset.state = "refused";
-        setText(connection, WRONG_TOKEN);
+        showState("refused", WRONG_TOKEN);
         await new Promise(() => {});
       }
     } catch {
-      connection.dataset.state = "stale";
-      setText(connection, "STALE: no connection to the view's server; trying again");
+      showState("stale", "STALE: no connection to the view's server; trying again");
     }
     await new Promise((done) => setTimeout(done, RETRY_MS));
   }
@@ -81,8 +75,7 @@ function draw() {
     drawAll();
   } catch (error) {
     // What is drawn is old, and must not look like the present.
-    connection.dataset.state = "stale";
-    setText(connection, `STALE: what was received cannot be drawn: ${error.message}`);
+    showState("stale", `STALE: what was received cannot be drawn: ${error.message}`);
     for (const card of cards.values()) card.draw(new State(state.recorded));
     throw error;
   }
@@ -117,9 +110,7 @@ function drawAll() {
 }
 
 function drawHeader(names) {
-  const [word, text] = condition(names);
-  connection.dataset.state = word;
-  setText(connection, text);
+  showState(...condition(names));
   const status = state.last("status");
   const object = status?.object_name ? `object ${status.object_name}` : "";
   const about = status ? `version ${status.version}, up ${quantity(status.uptime_s, 0, "s")}, config ${status.config_id}` : "";
@@ -174,7 +165,7 @@ const handlers = {
   },
 };
 
-const source = settings.live ? new Connection(token, handlers) : new Player(token, settings, handlers);
+const source = settings.live ? new Connection(handlers) : new Player(handlers);
 setInterval(wantDraw, LOOK_MS);
 
 // What tests read: the numbers behind the pictures.

@@ -2,7 +2,7 @@
 
 import { begin, colour } from "./canvas.js";
 import { SECONDS } from "./chart.js";
-import { WRONG_TOKEN } from "./connection.js";
+import { WRONG_TOKEN, fetchPrivate } from "./connection.js";
 import { quantity, setText } from "./format.js";
 import { known } from "./levels.js";
 
@@ -20,8 +20,7 @@ const HEIGHTS = { no_contact: 0.12, stable: 0.3, unknown: 0.45, caution: 0.6, wa
 const COLOURS = { no_contact: "--none" };
 
 export class Player {
-  constructor(token, settings, handlers) {
-    this.token = token;
+  constructor(handlers) {
     this.handlers = handlers;
     this.blocks = new Map();
     this.changes = [];
@@ -73,7 +72,7 @@ export class Player {
   }
 
   async #fetch(path) {
-    const answer = await fetch(`data/${path}`, { headers: { Authorization: `Bearer ${this.token}` } });
+    const answer = await fetchPrivate(`data/${path}`);
     if (answer.status === 401) this.handlers.onState("refused", WRONG_TOKEN);
     else this.handlers.onState("open", "");
     return answer.ok ? answer.json() : null;
