@@ -158,7 +158,7 @@ def find_weight(poses: Sequence[Pose], present: Mount) -> WeightFindings:
     wrenches = np.array([present.matrix @ np.concatenate((pose.force, pose.torque)) for pose in poses])
     try:
         findings.found = _weigh(poses, wrenches, gravities, present, findings)
-        findings.notes += _notes(findings.found)
+        findings.notes += findings.found.lines()
     except (Doubt, ValueError) as problem:
         findings.problems.append(str(problem))
         by_torque = partial(torque_misfit, sensor_m=math.hypot(*present.xyz_m))
@@ -260,13 +260,3 @@ def _check_misfit(share: float) -> None:
             f"the readings are {share:.0%} of the weight from any weight in these poses: the finger was touched or "
             "moved, a cable pulls at it, or the poses were others than asked for"
         )
-
-
-def _notes(found: Identification) -> list[str]:
-    pairs = zip(1e3 * found.com_m, 1e3 * found.com_std_m, strict=True)
-    places = ", ".join(f"{at:.1f} ± {std:.1f}" for at, std in pairs)
-    return [
-        f"mass {1e3 * found.mass_kg:.1f} ± {1e3 * found.mass_std_kg:.1f} g, centre of mass ({places}) mm in the pad "
-        "frame, as exact as xyz_m",
-        f"residual {found.residual_n:.2g} N, {found.residual_nm:.2g} N·m, in {found.poses} poses",
-    ]

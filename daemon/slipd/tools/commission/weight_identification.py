@@ -53,6 +53,16 @@ class Identification:
     condition: float
     poses: int
 
+    def lines(self) -> list[str]:
+        """Return what was found, for people: mass and centre of mass, then the residuals."""
+        pairs = zip(1e3 * self.com_m, 1e3 * self.com_std_m, strict=True)
+        places = ", ".join(f"{at:.1f} ± {std:.1f}" for at, std in pairs)
+        return [
+            f"mass {1e3 * self.mass_kg:.1f} ± {1e3 * self.mass_std_kg:.1f} g, centre of mass ({places}) mm in the pad "
+            "frame, as exact as xyz_m",
+            f"residual {self.residual_n:.2g} N, {self.residual_nm:.2g} N·m, in {self.poses} poses",
+        ]
+
 
 def identify(forces: ArrayLike, torques: ArrayLike, gravities: ArrayLike) -> Identification:
     """Fit mass, centre of mass and bias.

@@ -113,7 +113,8 @@ RECORDED = "recorded"
 """What the config of the recording itself is called."""
 
 
-class Largest(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Largest:
     """Largest utilisation that any finger reported, 1 slips, with the finger and its time, s."""
 
     utilisation: float
@@ -193,7 +194,7 @@ class ConfigRun:
                 ]
                 for source, spans in found["spans"].items()
             },
-            "largest": None if found["largest"] is None else Largest(*found["largest"]),
+            "largest": None if found["largest"] is None else Largest(**found["largest"]),
             "streams": [StreamHealth(*stream) for stream in found["streams"]],
         }
         return cls(**(found | known))

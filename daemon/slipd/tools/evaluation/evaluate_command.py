@@ -11,6 +11,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -87,7 +88,7 @@ def _run_map(recorded: Run, run: Run) -> dict[str, Any]:
     if isinstance(run, str):
         return {"fault": run}
     before = [] if isinstance(recorded, str) else worst_spans(recorded.spans)
-    return figures(run).as_map() | {
+    return asdict(figures(run)) | {
         "spans": {source: [span._asdict() for span in spans] for source, spans in run.spans.items()},
         "fault": run.fault,
         "differences": differences(before, worst_spans(run.spans)),

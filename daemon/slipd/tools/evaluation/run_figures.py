@@ -54,10 +54,6 @@ class RunFigures:
     largest: Largest | None
     named: list[str]
 
-    def as_map(self) -> dict[str, Any]:
-        """Return all of it as maps and lists."""
-        return asdict(self) | {"largest": None if self.largest is None else self.largest._asdict()}
-
 
 def figures(run: ConfigRun) -> RunFigures:
     """Return the figures of a run."""
@@ -171,27 +167,25 @@ def _row(found: Finished) -> dict[str, Any]:
     job, run = found.job, found.run
     names = {"recording": storable(str(job.path)), "config": storable(job.config.name)}
     row = names | {"key": job.key, "version": __version__}
-    return row | ({"fault": storable(run)} if isinstance(run, str) else _run_columns(run))
-
-
-def _run_columns(run: ConfigRun) -> dict[str, Any]:
-    found = figures(run)
+    if isinstance(run, str):
+        return row | {"fault": storable(run)}
+    values = figures(run)
     alarms = [
         {"source": source, **span._asdict()}
         for source, spans in run.spans.items()
         for span in spans
         if span.level in ALARMS
     ]
-    return {
+    return row | {
         "fault": storable(run.fault) or None,
-        "length_s": found.length_s,
-        **{f"{level}_s": seconds for level, seconds in found.level_s.items()},
-        "unknown_because": list(found.unknown_s.items()),
-        "changes": found.changes,
-        "warnings": found.warnings,
-        "first_warning_s": found.first_warning_s,
+        "length_s": values.length_s,
+        **{f"{level}_s": seconds for level, seconds in values.level_s.items()},
+        "unknown_because": list(values.unknown_s.items()),
+        "changes": values.changes,
+        "warnings": values.warnings,
+        "first_warning_s": values.first_warning_s,
         "alarms": alarms,
-        "largest": None if run.largest is None else run.largest._asdict(),
+        "largest": None if run.largest is None else asdict(run.largest),
         "streams": [stream._asdict() for stream in run.streams],
         "gaps": run.gaps,
         "compute_s": run.compute_s,

@@ -80,13 +80,10 @@ def identify_recording(path: Path, finger: str) -> Identification:
 
 def identification_text(found: Identification, finger: str) -> str:
     """Return the result as a text for people, with the lines for the config."""
-    com_mm, std_mm = found.com_m * 1e3, found.com_std_m * 1e3
-    places = ", ".join(f"{place:.2f} ± {std:.2f}" for place, std in zip(com_mm, std_mm, strict=True))
     lines = [
-        f"finger {finger}, {found.poses} poses, condition {found.condition:.1f}",
-        f"mass {found.mass_kg * 1e3:.2f} ± {found.mass_std_kg * 1e3:.2f} g, centre of mass ({places}) mm",
+        f"finger {finger}, condition {found.condition:.1f}",
+        *found.lines(),
         f"reading without weight ({_listed(found.bias_force_n, 3)}) N, ({_listed(found.bias_torque_nm, 5)}) N·m",
-        f"residual {found.residual_n:.2g} N, {found.residual_nm:.2g} N·m",
     ]
     weight_n = found.mass_kg * STANDARD_GRAVITY_MPS2
     if found.residual_n > SUSPECT_SHARE * weight_n or found.residual_nm > SUSPECT_LEVER_M * weight_n:

@@ -12,7 +12,7 @@ import numpy as np
 from slipd.devices.external import encode_reading
 from slipd.devices.external_gripper import external_gripper_message as wire
 from slipd.devices.external_gripper.external_gripper_message import Registration, Report
-from slipd.tools.sim.emulators import EmulatedDevice, ReadingStream, TactileStream, WrenchStream, moved_jaws
+from slipd.tools.sim.emulators import EmulatedDevice, ReadingStream, WrenchStream, moved_jaws
 from slipd.types.arrays import Array
 
 WRENCH, PAD = "left.wrench", "left.pad"
@@ -61,7 +61,7 @@ class Pusher(EmulatedDevice):
         for k, name in enumerate(wrenches):
             self._streams[name] = WrenchStream(seed + k, rates_hz.get(name, READINGS_HZ))
         for k, (name, shape) in enumerate(pads.items()):
-            self._streams[name] = TactileStream(seed + k, rates_hz.get(name, READINGS_HZ / PAD_EVERY), shape, NOISE)
+            self._streams[name] = ReadingStream(seed + k, rates_hz.get(name, READINGS_HZ / PAD_EVERY), shape, NOISE)
         for k, name in enumerate(arms):
             self._streams[name] = WrenchStream(seed + k, rates_hz.get(name, READINGS_HZ), *ARM_NOISE)
         for stream in self._streams.values():

@@ -18,7 +18,7 @@ from slipd.devices import papillarray, tsf85, xela
 from slipd.devices.papillarray import RATES_HZ
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.frame_scanner import FrameScanner
-from slipd.tools.sim.emulators import EmulatedTactile, TactileStream, device_us
+from slipd.tools.sim.emulators import EmulatedTactile, ReadingStream, device_us
 from slipd.types.arrays import Array
 
 POWER_ON_HZ = 1000.0
@@ -103,7 +103,7 @@ class PapillArrays(EmulatedTactile):
     """
 
     def __init__(self, seed: int, clock_ppm: float = 20.0) -> None:
-        super().__init__(TactileStream(seed, POWER_ON_HZ, (papillarray.PILLARS, 3), NOISE_N), 500.0)
+        super().__init__(ReadingStream(seed, POWER_ON_HZ, (papillarray.PILLARS, 3), NOISE_N), 500.0)
         self._stream.press(np.tile(RESTING_N, (papillarray.PILLARS, 1)))
         self._stream.start(0)
         self._ppm = clock_ppm
@@ -171,7 +171,7 @@ class Fingertips(EmulatedTactile):
     """
 
     def __init__(self, seed: int, timestamp_unit_ns: int = 1000) -> None:
-        stream = TactileStream(seed, 1000.0, (tsf85.TAXELS,), FINGERTIP_NOISE)
+        stream = ReadingStream(seed, 1000.0, (tsf85.TAXELS,), FINGERTIP_NOISE)
         super().__init__(stream, REFRESH_HZ, timestamp_unit_ns=timestamp_unit_ns)
         self._requests = FrameScanner(b"\x9a", _measure, _HEAD_LENGTH, DecoderHealth())
         self._unit_ns = timestamp_unit_ns
@@ -258,7 +258,7 @@ class XelaServer(EmulatedTactile):
     """
 
     def __init__(self, seed: int, taxels: int = TAXELS) -> None:
-        super().__init__(TactileStream(seed, USKIN_HZ, (taxels, 3), USKIN_NOISE), USKIN_HZ)
+        super().__init__(ReadingStream(seed, USKIN_HZ, (taxels, 3), USKIN_NOISE), USKIN_HZ)
         self._stream.start(0)
         self._number = 0
         self._welcome: list[bytes] = []

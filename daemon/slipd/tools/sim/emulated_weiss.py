@@ -16,7 +16,7 @@ from slipd.devices import dsacon32, wts
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.weiss_packets import SEED_AFTER_PREAMBLE, SEED_WITH_PREAMBLE, Packet, PacketScanner, encode
 from slipd.devices.shared.weiss_tactile import FRAME, FULL_SCALE, RLE, Words
-from slipd.tools.sim.emulators import EmulatedTactile, TactileStream
+from slipd.tools.sim.emulators import EmulatedTactile, ReadingStream
 from slipd.types.arrays import Array
 
 _REQUEST_BYTES = 8
@@ -61,7 +61,7 @@ class WeissController(EmulatedTactile, ABC):
         self, seed: int, cells: int, sizes: Mapping[int, int], checksum: int, *, bare: bool = False,
         noise_counts: float = 0.7,
     ) -> None:  # fmt: skip
-        super().__init__(TactileStream(seed, self.rate_hz, (cells,), noise_counts), self.rate_hz)
+        super().__init__(ReadingStream(seed, self.rate_hz, (cells,), noise_counts), self.rate_hz)
         self._requests: PacketScanner = PacketScanner(
             checksum, lambda number, size, _: sizes.get(number) == size, _REQUEST_BYTES, DecoderHealth(), bare=bare
         )

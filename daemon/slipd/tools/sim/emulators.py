@@ -214,10 +214,6 @@ class ReadingStream(Timer):
         return self._noise.pop()
 
 
-class TactileStream(ReadingStream):
-    """Readings at a rate: an image with noise."""
-
-
 class WrenchStream(ReadingStream):
     """Readings at a rate: the wrench on the sensor, or the motion of an arm, six values with noise.
 

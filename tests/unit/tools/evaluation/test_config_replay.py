@@ -14,7 +14,15 @@ from replays import RECORDINGS
 
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
-from slipd.tools.evaluation.config_run import NOT_RECORDED, RECORDED, ConfigRun, StreamHealth, run_config, with_status
+from slipd.tools.evaluation.config_run import (
+    NOT_RECORDED,
+    RECORDED,
+    ConfigRun,
+    Largest,
+    StreamHealth,
+    run_config,
+    with_status,
+)
 
 DEMO, GRIPS = RECORDINGS / "demo.mcap", RECORDINGS / "import_grips.mcap"
 Write = Callable[..., Path]
@@ -61,7 +69,7 @@ def test_the_largest_utilisation_is_that_of_the_replay_and_a_run_survives_json()
     slips = [body for topic, body in replay(recording) if topic == "slip.left" and body["utilisation"] is not None]
     worst = max(slips, key=lambda body: body["utilisation"])
     run = run_config(recording.path, None, RECORDED)
-    assert run.largest == (worst["utilisation"], "left", pytest.approx(worst["t_ns"] * 1e-9 - begin_s))
+    assert run.largest == Largest(worst["utilisation"], "left", pytest.approx(worst["t_ns"] * 1e-9 - begin_s))
     assert run.spans["left"][0].begin_s == pytest.approx(slips[0]["t_ns"] * 1e-9 - begin_s, abs=1.0)
     for each in (run, ConfigRun({}, None, 1.5, "cut off")):
         assert ConfigRun.from_map(json.loads(json.dumps(asdict(each)))) == each

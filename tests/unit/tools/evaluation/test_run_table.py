@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
@@ -45,7 +46,7 @@ def test_a_row_has_the_figures_of_its_run(tmp_path: Path) -> None:
         "warnings": found.warnings,
         "first_warning_s": found.first_warning_s,
         "alarms": alarms,
-        "largest": run.largest._asdict() if run.largest else None,
+        "largest": asdict(run.largest) if run.largest else None,
         "streams": [stream._asdict() for stream in run.streams],
         "gaps": run.gaps,
     }

@@ -113,7 +113,7 @@ def test_mass_and_centre_are_found_through_bias_mounting_and_sign_and_fit_a_conf
     text = identification_text(found, "left")
     table = tomllib.loads(text.partition("\n\n")[2])["finger"]["left"]["wrench"]
     assert_allclose((table["mass_kg"], *table["com_m"]), (found.mass_kg, *found.com_m), rtol=0.0, atol=1e-5)
-    assert "finger left, 4 poses" in text
+    assert "in 4 poses" in text
     assert "the residual is large" not in text
     for residual in ({"residual_n": 0.04}, {"residual_nm": 0.001}):
         assert "the residual is large" in identification_text(replace(found, **residual), "left")

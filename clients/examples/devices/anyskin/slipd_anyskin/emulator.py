@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slipd.tools.sim.emulators import EmulatedTactile, TactileStream
+from slipd.tools.sim.emulators import EmulatedTactile, ReadingStream
 from slipd_anyskin import MAGNETOMETERS, encode_frame
 
 REST_UT = np.array((600.0, 150.0, 9400.0))
@@ -22,7 +22,7 @@ class Board(EmulatedTactile):
 
     def __init__(self, seed: int, rate_hz: float = 100.0, magnetometers: int = MAGNETOMETERS) -> None:
         super().__init__(
-            TactileStream(seed, rate_hz, (magnetometers, 3), NOISE_UT), rate_hz, magnetometers=magnetometers
+            ReadingStream(seed, rate_hz, (magnetometers, 3), NOISE_UT), rate_hz, magnetometers=magnetometers
         )
 
     def opened(self, t_ns: int) -> None:
