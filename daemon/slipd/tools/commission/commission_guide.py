@@ -260,10 +260,11 @@ class Commission:
         if not isinstance(written, Reply) or written.result is None:
             self._unwritten = True
             return False
-        self._rig = config.parse(written.result, "new config")
+        before_id, self._rig = self._rig.config_id, config.parse(written.result, "new config")
         self._take_mounts()
         self._zeroed = False
-        yield from wait_for_restart(self._rig.config_id, self._restart, RESTART_PATIENCE * self._patience_s)
+        longest_s = RESTART_PATIENCE * self._patience_s
+        yield from wait_for_restart(before_id, self._rig.config_id, self._restart, longest_s)
         return True
 
     def _take_mounts(self) -> None:

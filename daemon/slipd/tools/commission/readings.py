@@ -254,16 +254,17 @@ def _threshold(rest: FingerReadings) -> float | None:
     return NOISES_PER_THRESHOLD * noisy if noisy > 0.0 else None
 
 
-def wait_for_restart(config_id: str, how: str, longest_s: float) -> Steps[None]:
+def wait_for_restart(before_id: str, config_id: str, how: str, longest_s: float) -> Steps[None]:
     """Ask for a restart of the daemon, and wait until it runs a config.
 
     Args:
+        before_id: Of the config that it runs until then.
         config_id: Of the config that it must run.
         how: What the person does so that the daemon reads it, for people.
         longest_s: How long to wait, s.
 
     Raises:
-        SlipdError: The daemon does not run it in time, or the person does not want to wait.
+        SlipdError: The daemon does not run it in time or runs a third one, or the person does not want to wait.
     """
     yield Prompt("restart", f"{how} This goes on by itself when the daemon runs the new config.")
     elapsed, silent_s = ElapsedTime(), 0.0
@@ -276,5 +277,7 @@ def wait_for_restart(config_id: str, how: str, longest_s: float) -> Steps[None]:
         elif isinstance(event, Message):
             if event.config_id == config_id:
                 return
+            if event.config_id not in (None, before_id):
+                raise SlipdError("the file was changed after the guide wrote it; go on with --from and the next step")
             elapsed.update(event.t_ns * 1e-9)
     raise SlipdError("the daemon does not run the new config; start it, and go on with --from and the next step")

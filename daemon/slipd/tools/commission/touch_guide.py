@@ -87,7 +87,7 @@ class TouchGuide:
             Skipped: The person left the finger out.
             SlipdError: The daemon fell silent.
         """
-        self._noise = None
+        self._rest, self._noise = {}, None
         touches = dict(pushes or {})
         streams: dict[str, str] = {}
         asked: Sequence[str] = [step for step in TEXTS if step not in touches]
@@ -106,8 +106,7 @@ class TouchGuide:
         """Ask for touches; add them to ``touches``, and the sensors that felt the first of all to ``streams``."""
         yield Say("Touch nothing.")
         for step in steps:
-            yield from pause(self._recovery_s if touches else 0.0)
-            self._rest = yield from self._listener.collect(REST_S)
+            self._rest = yield from self._rest_of_free_pads(finger, self._recovery_s if touches else 0.0)
             self._noise = self._noise or self._rest
             prompt = Prompt(step, TEXTS[step].format(finger=finger), finger)
             yield prompt
@@ -117,9 +116,21 @@ class TouchGuide:
             touches[step] = self._touch(held, streams)
             yield Say(f"  {NAMES[step]}: {np.linalg.norm(touches[step].force):.1f} N. Let go.")
             while not (yield from self._listener.wait(self._released, self._patience_s)):
-                yield from _wait_longer(f"The pads were not released within {self._patience_s:g} s.", finger)
+                yield from self._wait_for_release(finger)
             if step == CENTRE and self._scale_remark(streams["wrench"], touches[step]):
                 return  # the other touches would show nothing
+
+    def _rest_of_free_pads(self, finger: str, recovery_s: float) -> Steps[dict[str, FingerReadings]]:
+        """Return the readings of free pads; a touch that comes before it is asked for must end first."""
+        while True:
+            yield from pause(recovery_s)
+            rest = yield from self._listener.collect(REST_S)
+            if not self._rest or self._released({name: each.wrench for name, each in rest.items()}):
+                return rest
+            yield Say("  That was too early. Let go, and touch nothing until you are asked.")
+            if not (yield from self._listener.wait(self._released, self._patience_s)):
+                yield from self._wait_for_release(finger)
+                self._rest = {}  # the gripper was turned, and its fingers weigh on the sensors
 
     def _findings(self, finger: str, streams: dict[str, str], touches: dict[str, Touch]) -> Findings:
         settings = self._rig.finger[finger]
@@ -199,6 +210,9 @@ class TouchGuide:
             changes = ((name, _image_change(self._rest[name], held[name])) for name in held)
             return "; ".join(f"the image of finger {name} {change}" for name, change in changes if change)
         return f"the force changed between {sizes.min():.1f} and {sizes.max():.1f} N"
+
+    def _wait_for_release(self, finger: str) -> Steps[None]:
+        yield from _wait_longer(f"The pads were not released within {self._patience_s:g} s.", finger)
 
     def _released(self, newest: dict[str, Array]) -> bool:
         return self._largest_n(newest) < RELEASE_SHARE * TOUCH_N

@@ -129,10 +129,18 @@ def test_a_finger_that_is_never_at_rest_is_named_with_the_noise_that_the_config_
     assert "slipd commission FILE --from weight" in "\n".join(host.printed)
 
 
-def test_a_daemon_that_does_not_run_the_new_config_ends_the_guide(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("edited", "words"),
+    [
+        (False, "does not run the new config; start it, and go on with --from"),
+        (True, "the file was changed after the guide wrote it; go on with --from and the next step"),
+    ],
+)
+def test_a_daemon_that_does_not_run_the_new_config_ends_the_guide(tmp_path: Path, edited: bool, words: str) -> None:
     host = guided(tmp_path, commission_rig(mass=0.0))
-    host.engine.restart = lambda read: None
-    with pytest.raises(SlipdError, match="does not run the new config; start it, and go on with --from"):
+    restart = host.engine.restart
+    host.engine.restart = lambda read: restart(commission_rig(mass=0.07)) if edited else None
+    with pytest.raises(SlipdError, match=words):
         follow_guide(host, "weight", patience_s=1.0)
 
 
@@ -187,7 +195,7 @@ def test_a_zero_that_is_refused_again_and_again_leaves_the_step_out(
 def test_the_wait_for_the_new_config_can_be_ended() -> None:
     events: list[Event] = [Choice("skip"), Choice("perhaps"), None]
     with pytest.raises(SlipdError, match="does not run the new config"):
-        follow(wait_for_restart("new", "restart", 100.0), lambda output: None if output else events.pop())
+        follow(wait_for_restart("old", "new", "restart", 100.0), lambda output: None if output else events.pop())
     assert events == []
 
 

@@ -159,6 +159,24 @@ def test_a_slow_person_is_asked_and_loses_nothing(
     assert asked.startswith(words)
 
 
+@pytest.mark.parametrize("lets_go", [True, False])
+def test_a_touch_that_comes_too_early_must_end_first(lets_go: bool, tmp_path: Path) -> None:
+    engine = EmulatedEngine(SENSOR_ONLY, SENSOR_ONLY, tmp_path)
+    know_zeros(*engine._engine._fingers.values())
+    host = GuidedEngine(engine, SENSOR_ONLY.text, answers={"touch_wait": ("release", "again")})
+
+    def respond(output: Output) -> Event:
+        if isinstance(output, Ask) and host.printed[-1].endswith("Let go."):
+            engine.touch("press left 6 N")
+            host.printed.append("pressed")
+        return host.respond(output) if lets_go or "too early" not in getattr(output, "text", "") else None
+
+    guide = TouchGuide(SENSOR_ONLY, ReadingListener(SENSOR_ONLY.finger, SENSOR_ONLY.config_id), 5.0)
+    assert follow(guide.run("left"), respond).problems == []
+    waits = "That was too early" if lets_go else "The pads were not released within 5 s."
+    assert sum(line.strip().startswith(waits) for line in host.printed) == host.printed.count("pressed") == 4
+
+
 def test_a_finger_can_be_left_out_where_nothing_is_felt(tmp_path: Path) -> None:
     with pytest.raises(Skipped):
         commission(SENSOR_ONLY, SENSOR_ONLY, tmp_path, {})
