@@ -14,12 +14,17 @@ from slipd.types.arrays import Array, cross_matrix
 KEEP_RAD = math.radians(12.0)
 """A hand pushes about as exactly as this: a known rotation within it is taken instead of the measured one."""
 
+SAME_RAD = math.radians(1.0)
+"""Known rotations within this of each other are one: a measured half turn is its own inverse but for its noise."""
+
 STATED = "as the config states"
 
 
 def nearest_known(rotation: Rotation, present: Mount) -> tuple[tuple[float, float, float, float], str]:
     """Return the quaternion x, y, z, w of the nearest known rotation, and how it is known; else the measured one."""
-    nearest, how = min(_known_rotations(present), key=lambda each: float((rotation * each[0].inv()).magnitude()))
+    known = [(float((rotation * each.inv()).magnitude()), each, how) for each, how in _known_rotations(present)]
+    least_rad = min(away_rad for away_rad, _, _ in known)
+    nearest, how = next((each, how) for away_rad, each, how in known if away_rad <= least_rad + SAME_RAD)
     if (rotation * nearest.inv()).magnitude() > KEEP_RAD:
         nearest, how = rotation, "as measured, about ±5°"
     if how == STATED:
@@ -29,7 +34,7 @@ def nearest_known(rotation: Rotation, present: Mount) -> tuple[tuple[float, floa
 
 
 def _known_rotations(present: Mount) -> Iterator[tuple[Rotation, str]]:
-    """Yield the likely rotations, and how each is known; of equal ones the likeliest comes first."""
+    """Yield the likely rotations, and how each is known, the likeliest first."""
     x, y, z, w = present.quat_xyzw
     stated = Rotation.from_quat((x, y, z, w))
     yield stated, STATED
