@@ -18,12 +18,11 @@ from fit.score import Spans, spans_of
 
 from slipd import config
 from slipd.engine.held_motion import REPORTED_NS
-from slipd.fusion.levels import ContactState
+from slipd.fusion.levels import ContactState, WrenchUncertainty
 from slipd.fusion.load_blocks import GAP_S, RING, forget_load
 from slipd.fusion.rows import BLOCK as BLOCKS
 from slipd.fusion.rows import Rows, new_rows
 from slipd.motion.evidence import Evidence, MotionRisk
-from slipd.motion.image_blocks import LoadNoise
 from slipd.motion.image_shift import ImageShift
 from slipd.signals.pad import PadGeometry
 from slipd.types.arrays import Array
@@ -105,7 +104,7 @@ class _Beside:
         assert wrench is not None
         assert pad is not None
         lever_m = math.hypot(*wrench.pad_from_sensor.xyz_m)
-        noise = LoadNoise(wrench.force_std_n, math.hypot(wrench.torque_std_nm, lever_m * wrench.force_std_n))
+        noise = WrenchUncertainty(wrench.force_std_n, math.hypot(wrench.torque_std_nm, lever_m * wrench.force_std_n))
         self._shift = ImageShift(PadGeometry(pad.rows, pad.cols, pad.pitch_m, pad.electrode_m), noise)
         self._risk = MotionRisk(settings.levels.false_alarms_per_hour, {"image_change": self._shift.looks_per_hour})
         self.spans: list[tuple[float, float]] = []

@@ -13,7 +13,7 @@ from nanoseconds import MS, T0
 from slipd.config import Levels
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
-from slipd.finger.freshness import PROMPT, Arrival
+from slipd.finger.freshness import PROMPT, Arrival, Read
 from slipd.finger.stream_health import finger_conditions
 from slipd.fusion import torque_limit
 from slipd.fusion.friction_learning import learn
@@ -38,7 +38,7 @@ def read_force(
     finger: Finger, sample: WrenchSample, acquired_ns: int | None = None, arrival: Arrival = PROMPT
 ) -> FingerState:
     """Return the state of a finger after a reading, acquired when it was received unless ``acquired_ns`` differs."""
-    list(finger.decide((sample,), (sample.t_ns if acquired_ns is None else acquired_ns,), arrival))
+    list(finger.decide(Read((sample,), (sample.t_ns if acquired_ns is None else acquired_ns,), arrival)))
     return finger.state
 
 

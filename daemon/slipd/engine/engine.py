@@ -32,13 +32,12 @@ from slipd.events import (
     Write,
 )
 from slipd.finger.finger_state import VerdictBatch
-from slipd.finger.freshness import PROMPT
+from slipd.finger.freshness import PROMPT, Read
 from slipd.grasp.arm_motion import ArmMotion
 from slipd.grasp.held_object import HeldObject
 from slipd.gripper.gripper_control import LONGEST_PAUSE_NS, GripperControl
 from slipd.gripper.reflex import ReflexAct, ReflexController
 from slipd.links.device_link import DeviceLink
-from slipd.links.stream_meter import Read
 from slipd.publish.finger_messages import FingerPublisher
 from slipd.publish.grasp_messages import GraspPublisher, MotionPublisher, gripper_body
 from slipd.publish.message_sequencer import NO_FRAME, MessageSequencer
@@ -209,7 +208,7 @@ class Engine:
         """Handle the readings of one stream of a finger that came in one read."""
         finger, before = publisher.finger, publisher.level
         if kind == "wrench":
-            self._publish_batches(publisher, finger.decide(read.samples, read.times_ns, read.arrival), t_ns, out)
+            self._publish_batches(publisher, finger.decide(read), t_ns, out)
         else:
             self._handle_images(publisher, read, t_ns, out)
         if publisher.level != before:

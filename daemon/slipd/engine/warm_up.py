@@ -10,16 +10,17 @@ from slipd.config import Finger as FingerConfig
 from slipd.config import Levels, Pad, Slip, Wrench
 from slipd.finger.finger import Finger
 from slipd.finger.force_image_check import COMPARE_NS
+from slipd.finger.freshness import Read
 from slipd.finger.image_channel import ImageChannel
 from slipd.fusion import contact_from_wrench
 from slipd.fusion.held_pad import HeldPad, tipping_edges, twist_net
-from slipd.fusion.levels import ContactState
+from slipd.fusion.levels import ContactState, WrenchUncertainty
 from slipd.fusion.motion_limits import nearest_limit, worst_turn
 from slipd.fusion.motion_scale import check_points, follow_gravity, largest_scales
 from slipd.fusion.object_swing import swing_excess
 from slipd.fusion.streaming import move_to_pad, new_readings
 from slipd.grasp.swing_estimate import SwingEstimate
-from slipd.motion.image_blocks import BLOCK_S, Block, ImageBlocks, LoadNoise
+from slipd.motion.image_blocks import BLOCK_S, Block, ImageBlocks
 from slipd.motion.image_fit import ImageComparison
 from slipd.motion.image_shift import ImageShift
 from slipd.signals.charge_reconstruction import ChargeReconstruction
@@ -59,14 +60,14 @@ def _judge_contact() -> None:
         finger.update_image(TactileSample(t_ns, None, np.ones(4)))
         samples = [WrenchSample(k, None, np.array((0.1, 0.0, -1.0 - k)), torque) for k in range(3)]
         for read in (samples[:2], samples[2:]):  # readings that arrive together and alone take different paths
-            for batch in finger.decide(read, [sample.t_ns for sample in read]):
+            for batch in finger.decide(Read(read, [sample.t_ns for sample in read])):
                 batch[-1].needed_normal_n(finger.config)
     cast("ImageChannel", finger.image).shape()
 
 
 def _look_for_motion() -> None:
     """Compare two blocks of images of a contact that rests."""
-    geometry, noise = PadGeometry(2, 2, 0.01, 0.005), LoadNoise(0.0, 0.0)
+    geometry, noise = PadGeometry(2, 2, 0.01, 0.005), WrenchUncertainty(0.0, 0.0)
     shift, blocks = ImageShift(geometry, noise), ImageBlocks(geometry, noise)
     for k in range(9):
         t_ns, image, wrench = k * round(BLOCK_S * 1e9), np.ones(4), (0.1, 0.0, -1.0, 0.0, 0.0, 0.0)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from slipd.config import Finger as FingerConfig
@@ -21,7 +21,7 @@ from slipd.finger.finger_state import FingerState, VerdictBatch
 from slipd.finger.finger_tares import TareGuard
 from slipd.finger.force_channel import ForceChannel, WrenchBatch
 from slipd.finger.force_image_check import NO_SUMMARY, ForceImageCheck
-from slipd.finger.freshness import PROMPT, Arrival, ForceRead, pop_served
+from slipd.finger.freshness import PROMPT, Arrival, Read, pop_served
 from slipd.finger.image_channel import STALE, ImageChannel, wrench_by_taxels
 from slipd.finger.trust import ContactPresence, Trust
 from slipd.finger.verdict import PAD_FREE, ROTATION_UNOBSERVED, STREAM_STALE, Verdict
@@ -29,9 +29,8 @@ from slipd.fusion.levels import WrenchUncertainty
 from slipd.fusion.rows import PULLED, TOUCHING
 from slipd.fusion.streaming import without_verdict
 from slipd.motion.evidence import Evidence, evidence_mask
-from slipd.motion.image_blocks import LoadNoise
 from slipd.motion.image_shift import ImageShift
-from slipd.types.samples import TactileSample, WrenchSample
+from slipd.types.samples import TactileSample
 from slipd_client.messages import LEVELS
 
 LEVELS_BY_IMAGE = frozenset({"stable", "caution"})
@@ -82,9 +81,10 @@ class Finger:
         self.image_in_newtons = pad is not None and in_newtons(pad)
         self.in_newtons = wrench is not None or self.image_in_newtons
         self.freshness = self.main.freshness
-        self._uncertainty = WrenchUncertainty() if self.force is None else self.force.noise
-        self._in_force: tuple[WrenchUncertainty, bool] | None = None
         self.presence, self.trust, self._guard = ContactPresence(self), Trust(self), TareGuard(self)
+        self._delayed: deque[Read] = deque()
+        self._newest: FingerState | VerdictBatch = FingerState(0, STREAM_STALE)
+        self.level, self._is_stale = self._newest.verdict.level, True
         self._check: ForceImageCheck | None = None
         if pad is not None and self.force is not None and self.image is not None:
             self._check = ForceImageCheck(config, pad, self.force, self.image, state)
@@ -93,30 +93,22 @@ class Finger:
         if wrench is not None and self.image is not None and not self.image.three_axis:
             lever_m = math.hypot(*wrench.pad_from_sensor.xyz_m)
             torque_nm = math.hypot(wrench.torque_std_nm, lever_m * wrench.force_std_n)
-            self.motion = ImageShift(self.image.geometry, LoadNoise(wrench.force_std_n, torque_nm))
-        self._delayed: deque[ForceRead] = deque()
-        self._newest: FingerState | VerdictBatch = FingerState(0, STREAM_STALE)
-        self.level, self._is_stale = self._newest.verdict.level, True
-        self._tares = [channel.tare for channel in self.channels.values()]
-        self._zeros = [tare.current for tare in self._tares]
+            self.motion = ImageShift(self.image.geometry, WrenchUncertainty(wrench.force_std_n, torque_nm))
+        # noted where they change, by _follow_tares and _follow_image
+        self._in_force: tuple[WrenchUncertainty, bool | None]
+        self._in_force = WrenchUncertainty() if self.force is None else self.force.noise, None
+        self._zeros = [channel.tare.current for channel in self.channels.values()]
         self._image_fault, self._image_teaches, self._image_until_ns = "", False, -1
-        for tare in self._tares:
-            tare.on_change.append(self._follow_tares)
+        for channel in self.channels.values():
+            channel.tare.on_change.append(self._follow_tares)
         self._follow_tares()
 
     # Samples
 
-    def decide(
-        self, samples: Sequence[WrenchSample], times_ns: Sequence[int], arrival: Arrival = PROMPT
-    ) -> Iterable[VerdictBatch]:
+    def decide(self, read: Read) -> Iterable[VerdictBatch]:
         """Return the verdicts on the force readings of one read: one batch, or one for each while a tare is measured.
 
         After a stall of the daemon, readings may first wait for the image of their time; see `decide_delayed`.
-
-        Args:
-            samples: The readings, received together.
-            times_ns: When each was acquired, CLOCK_MONOTONIC.
-            arrival: How they reached the daemon.
 
         Raises:
             ValueError: The finger has no force sensor.
@@ -124,10 +116,9 @@ class Finger:
         force = self.force
         if force is None:
             raise ValueError(f"finger {self.name} has no force sensor")
-        read = ForceRead(samples, times_ns, arrival)
-        if arrival.waited_ns or self._delayed:
+        if read.arrival.waited_ns or self._delayed:
             self._delayed.append(read)
-            return self.decide_delayed(samples[-1].t_ns, arrival.unread_ns)
+            return self.decide_delayed(read.samples[-1].t_ns, read.arrival.unread_ns)
         return self._judge_reads(force, (read,))
 
     def decide_delayed(self, t_ns: int, unread_ns: int | None = None) -> Iterable[VerdictBatch]:
@@ -145,10 +136,10 @@ class Finger:
         return self._judge_reads(self.force, pop_served(self._delayed, until_ns, t_ns, unread_ns), t_ns)
 
     def _judge_reads(
-        self, force: ForceChannel, reads: Iterable[ForceRead], t_ns: int | None = None
+        self, force: ForceChannel, reads: Iterable[Read], t_ns: int | None = None
     ) -> Iterator[VerdictBatch]:
         """Yield the verdicts on reads, as received at ``t_ns``; None: when they were."""
-        for samples, times_ns, arrival in reads:
+        for samples, times_ns, arrival, _ in reads:
             force.begin_read(times_ns[0], arrival)
             step = 1 if force.tare.busy else len(samples)
             for k in range(0, len(samples), step):
@@ -239,10 +230,11 @@ class Finger:
 
     def _follow_tares(self) -> None:
         """Follow a change of a tare; a new zero casts doubt on what was learned of friction with the one before."""
-        self._taring = any(tare.busy for tare in self._tares)
+        tares = [channel.tare for channel in self.channels.values()]
+        self._taring = any(tare.busy for tare in tares)
         self.zero_known = self.main.zero.known
-        self._set_uncertainty(self._uncertainty)
-        zeros, before = [tare.current for tare in self._tares], self._zeros
+        self._set_uncertainty(self._in_force[0])
+        zeros, before = [tare.current for tare in tares], self._zeros
         if any(now is not then for now, then in zip(zeros, before, strict=True)):
             self._zeros = zeros
             self.friction.doubt()
@@ -251,7 +243,7 @@ class Finger:
     def _set_uncertainty(self, uncertainty: WrenchUncertainty) -> None:
         """Put the uncertainty of the readings in force, if it or what is known of the zero changed."""
         if (uncertainty, self.zero_known) != self._in_force:
-            self._uncertainty, self._in_force = uncertainty, (uncertainty, self.zero_known)
+            self._in_force = uncertainty, self.zero_known
             self._estimator.set_uncertainty(uncertainty, zero_known=self.zero_known)
 
     def _follow_image(self) -> None:

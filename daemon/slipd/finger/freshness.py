@@ -22,10 +22,9 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from slipd.events import Event, Tick
-from slipd.types.samples import WrenchSample
 
 LATE_NS = 10_000_000
 """Least gap between ticks that counts as a stall. Ticks come every 5 ms; no stream is stale before twice this gap."""
@@ -56,6 +55,22 @@ class Arrival(NamedTuple):
 
 PROMPT = Arrival()
 """The daemon did not stall."""
+
+
+class Read(NamedTuple):
+    """Readings of one stream that came in one read.
+
+    Attributes:
+        samples: The readings that fit the config, at least one.
+        times_ns: When each was acquired, CLOCK_MONOTONIC.
+        arrival: How they reached the daemon.
+        stream: Name of the stream.
+    """
+
+    samples: Sequence[Any]
+    times_ns: Sequence[int]
+    arrival: Arrival = PROMPT
+    stream: str = ""
 
 
 class Freshness:
@@ -126,15 +141,7 @@ class Freshness:
         return self.acquired_ns + self.stale_ns
 
 
-class ForceRead(NamedTuple):
-    """Force readings of one read: the arguments of `Finger.decide`, while they wait for the image of their time."""
-
-    samples: Sequence[WrenchSample]
-    times_ns: Sequence[int]
-    arrival: Arrival
-
-
-def pop_served(reads: deque[ForceRead], until_ns: int | None, t_ns: int, unread_ns: int | None) -> Iterator[ForceRead]:
+def pop_served(reads: deque[Read], until_ns: int | None, t_ns: int, unread_ns: int | None) -> Iterator[Read]:
     """Remove and yield the reads that the newest image serves, with the time that they have waited by now.
 
     After a stall both lines of a finger hold readings, and the force may be read first. A verdict with the image from
@@ -147,9 +154,9 @@ def pop_served(reads: deque[ForceRead], until_ns: int | None, t_ns: int, unread_
         unread_ns: How long the image's line counts as unread; None: it is empty.
     """
     while reads and (until_ns is None or reads[0].times_ns[-1] <= until_ns):
-        samples, times_ns, arrival = reads.popleft()
-        waited_ns = arrival.waited_ns + t_ns - samples[-1].t_ns
-        yield ForceRead(samples, times_ns, Arrival(waited_ns, unread_ns, arrival.dated))
+        read = reads.popleft()
+        waited_ns = read.arrival.waited_ns + t_ns - read.samples[-1].t_ns
+        yield read._replace(arrival=Arrival(waited_ns, unread_ns, read.arrival.dated))
 
 
 class Lateness:

@@ -102,7 +102,7 @@ class ImageChannel:
     def update(
         self,
         sample: TactileSample,
-        acquired_ns: int | None = None,
+        t_ns: int,
         summary: ForceSummary = NO_SUMMARY,
         arrival: Arrival = PROMPT,
     ) -> None:
@@ -110,11 +110,10 @@ class ImageChannel:
 
         Args:
             sample: The image, of as many taxels as the pad has.
-            acquired_ns: When it was acquired, CLOCK_MONOTONIC; None: when it was received.
+            t_ns: When it was acquired, CLOCK_MONOTONIC.
             summary: What the force sensor measured since the image before.
             arrival: How the image reached the daemon.
         """
-        t_ns = sample.t_ns if acquired_ns is None else acquired_ns
         values, assumed_free = self._condition(sample, t_ns, summary)
         flat = values.ravel()
         possible = float(flat.dot(flat)) <= self._most**2  # false for NaN

@@ -12,8 +12,8 @@ from slipd.config import Config, device_options, transport_of
 from slipd.config import Stream as StreamConfig
 from slipd.devices import DEVICES, Decoder, Session
 from slipd.events import NEVER_NS, LinkSpec
-from slipd.finger.freshness import PROMPT, Arrival, Freshness
-from slipd.links.stream_meter import Read, StreamMeter
+from slipd.finger.freshness import PROMPT, Arrival, Freshness, Read
+from slipd.links.stream_meter import StreamMeter
 from slipd.types.samples import Sample
 
 RESTART_NS = 1_000_000_000

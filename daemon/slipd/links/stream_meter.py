@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterable
 
 from slipd.config import Arm, Gripper, ObservedObject, Pad, Wrench, axes_of, stale_after_ns
 from slipd.config import Stream as StreamConfig
 from slipd.devices import DEVICES
-from slipd.finger.freshness import PROMPT, Arrival, Freshness
+from slipd.finger.freshness import PROMPT, Arrival, Freshness, Read
 from slipd.signals.clock import DeviceClock
 from slipd.types.samples import ArmSample, GripperSample, ObjectSample, Sample, TactileSample, WrenchSample
 
@@ -30,22 +29,6 @@ _KINDS: dict[type[StreamConfig], type[Sample]] = {
     Gripper: GripperSample,
 }
 """Class of the readings of each stream."""
-
-
-class Read(NamedTuple):
-    """Readings of one stream that came in one read.
-
-    Attributes:
-        stream: Its name.
-        samples: The readings that fit the config, at least one.
-        times_ns: When each was acquired, CLOCK_MONOTONIC.
-        arrival: How they reached the daemon.
-    """
-
-    stream: str
-    samples: Sequence[Any]
-    times_ns: list[int]
-    arrival: Arrival = PROMPT
 
 
 class StreamMeter:
@@ -106,7 +89,7 @@ class StreamMeter:
             arrival = arrival._replace(dated=self.host_clock or self.clock.locked)
         if not self._judged:
             self.freshness.update(self.last_ns, self._dated_ns, arrival)
-        return Read(self.name, fitting, times_ns, arrival)
+        return Read(fitting, times_ns, arrival, self.name)
 
     def _host_time(self, sample: Sample) -> int:
         acquired_ns, believed = host_time(sample.device_time_ns, sample.t_ns)

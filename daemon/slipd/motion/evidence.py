@@ -85,17 +85,10 @@ class MotionRisk:
     Args:
         false_alarms_per_hour: How often noise alone may be reported as motion, 1/h.
         looks_per_hour: How many independent looks each kind in use takes in an hour. The risk is shared equally among
-            the kinds, and with their combination where there are several.
-
-    Raises:
-        ValueError: A kind is unknown, or a number is not positive.
+            the kinds, at least one, and with their combination where there are several.
     """
 
     def __init__(self, false_alarms_per_hour: float, looks_per_hour: Mapping[str, float]) -> None:
-        if unknown := sorted(looks_per_hour.keys() - set(EVIDENCE)):
-            raise ValueError(f"kinds of evidence must be among {EVIDENCE}, got {unknown}")
-        if not (looks_per_hour and false_alarms_per_hour > 0.0 and min(looks_per_hour.values()) > 0.0):
-            raise ValueError("false_alarms_per_hour and looks_per_hour must be positive")
         share = false_alarms_per_hour / (len(looks_per_hour) + (len(looks_per_hour) > 1))
         self._single = {kind: max(math.log(looks / share), 0.0) for kind, looks in looks_per_hour.items()}
         self._combined = max(self._single.values())

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slipd.fusion.compiled import compiled
+from slipd.fusion.levels import WrenchUncertainty
 from slipd.signals.pad import PadGeometry
 from slipd.types.arrays import Array, Mask
 
@@ -28,13 +29,6 @@ NOISE_STDS = 4.0
 KEPT = 1.0 - 1.0 / 400
 """The noise of the taxels is averaged over 400 images."""
 _LAST, _JUMPS, _TOTAL = range(3)  # newest image, averaged squares of the changes, sum of the images of the block
-
-
-class LoadNoise(NamedTuple):
-    """Standard deviations of a force sensor: of a force component, N, and of a torque component, N·m."""
-
-    force_n: float
-    torque_nm: float
 
 
 class Block(NamedTuple):
@@ -84,8 +78,8 @@ class ImageBlocks:
         noise: Of the force sensor.
     """
 
-    def __init__(self, geometry: PadGeometry, noise: LoadNoise) -> None:
-        self._noise_n, self._noise_nm = NOISE_STDS * noise.force_n, NOISE_STDS * noise.torque_nm
+    def __init__(self, geometry: PadGeometry, noise: WrenchUncertainty) -> None:
+        self._noise_n, self._noise_nm = NOISE_STDS * noise.force_std_n, NOISE_STDS * noise.torque_std_nm
         self._reach_m = 0.25 * math.hypot(geometry.rows, geometry.cols) * geometry.pitch_m
         self._sums = np.zeros((3, geometry.taxels))
         self.reset()

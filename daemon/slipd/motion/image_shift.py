@@ -19,8 +19,9 @@ import math
 
 import numpy as np
 
+from slipd.fusion.levels import WrenchUncertainty
 from slipd.motion.evidence import Evidence, f_surprise
-from slipd.motion.image_blocks import BLOCK_S, Block, ImageBlocks, LoadNoise
+from slipd.motion.image_blocks import BLOCK_S, Block, ImageBlocks
 from slipd.motion.image_fit import MOTIONS, ImageComparison, ImageFit
 from slipd.motion.shift_path import (
     AGAIN_M,
@@ -61,7 +62,7 @@ class ImageShift:
 
     looks_per_hour = 3600.0 / BLOCK_S
 
-    def __init__(self, geometry: PadGeometry, noise: LoadNoise) -> None:
+    def __init__(self, geometry: PadGeometry, noise: WrenchUncertainty) -> None:
         self._blocks, self._images = ImageBlocks(geometry, noise), ImageComparison(geometry)
         self._centroids = CentroidShift(self._images, noise)
         self._far_m = AGAIN_PITCHES * geometry.pitch_m
@@ -218,8 +219,8 @@ class CentroidShift:
             is evidence, until the contact has rested.
     """
 
-    def __init__(self, images: ImageComparison, noise: LoadNoise) -> None:
-        self._images, self._torque_nm = images, noise.torque_nm
+    def __init__(self, images: ImageComparison, noise: WrenchUncertainty) -> None:
+        self._images, self._torque_nm = images, noise.torque_std_nm
         self.reset()
 
     def reset(self) -> None:

@@ -14,6 +14,7 @@ SCRIPT = """
 import sys
 import numpy as np
 from numba.core.dispatcher import Dispatcher
+from slipd.finger.freshness import Read
 from slipd import config
 from slipd.engine.engine import Engine
 from slipd.finger.finger import Finger
@@ -41,7 +42,7 @@ def feel(finger):
         if finger.force is not None:
             torque = None if k % 3 == 0 else np.array((0.0, 0.0, 0.001))
             samples = [WrenchSample(t_ns, None, np.array((0.5, 0.0, -5.0 - n)), torque) for n in range(1 + k % 3)]
-            for batch in finger.decide(samples, [t_ns] * len(samples)):
+            for batch in finger.decide(Read(samples, [t_ns] * len(samples))):
                 slip_body(finger, batch[-1]), wrench_body(finger, batch[-1])
         slip_body(finger, finger.state)
 

@@ -20,6 +20,7 @@ from slipd.config import Rates
 from slipd.events import Output, WallClock
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState, VerdictBatch
+from slipd.finger.freshness import Read
 from slipd.publish.finger_messages import FingerPublisher
 from slipd.publish.message_sequencer import MessageSequencer
 from slipd.types.samples import TactileSample, WrenchSample
@@ -66,7 +67,7 @@ class Split:
         while at < len(samples):
             size = self._sizes[0]
             self._sizes = [*self._sizes[1:], size]
-            for batch in self.finger.decide(samples[at : at + size], times_ns[at : at + size]):
+            for batch in self.finger.decide(Read(samples[at : at + size], times_ns[at : at + size])):
                 self.reported += plain(batch, self.finger.config)
                 self.publisher.publish_batch(batch, self.out)
             at += size
@@ -159,7 +160,7 @@ def make_odd(sample: WrenchSample, odd: str, before: Sequence[WrenchSample]) -> 
 
 def test_late_reading_ends_contact_and_disagreement(hands: dict[bool, Finger], wrench: Wrench) -> None:
     samples = [wrench(T0 + 25 * MS, 8.0, (0.5, 0.0), 0.0, (0.006, 0.0)) for _ in range(3)]
-    (batch,) = hands[False].decide(samples, [T0 + MS, T0 + 24 * MS, T0 + 25 * MS])
+    (batch,) = hands[False].decide(Read(samples, [T0 + MS, T0 + 24 * MS, T0 + 25 * MS]))
     assert [state.verdict.reasons for state in batch] == [
         ("stale",),
         ("rotation_unobserved",),
@@ -179,7 +180,7 @@ def test_untrusted_reading_keeps_hysteresis_and_slip(press: Press) -> None:
 
 def test_batch_is_indexed_from_both_ends(finger: Finger, wrench: Wrench) -> None:
     samples = [wrench(T0 + 2 * MS, normal_n) for normal_n in (0.0, 1.0, 2.0)]
-    (batch,) = finger.decide(samples, [T0, T0 + MS, T0 + 2 * MS])
+    (batch,) = finger.decide(Read(samples, [T0, T0 + MS, T0 + 2 * MS]))
     states: list[FingerState] = list(batch)
     assert [state.t_ns for state in states] == [T0, T0 + MS, T0 + 2 * MS]
     assert [state.age_s for state in states] == pytest.approx([0.002, 0.001, 0.0])

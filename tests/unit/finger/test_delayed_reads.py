@@ -11,7 +11,7 @@ from nanoseconds import MS, T0
 
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
-from slipd.finger.freshness import PROMPT, Arrival, Freshness
+from slipd.finger.freshness import PROMPT, Arrival, Freshness, Read
 
 STALE_MS, IMAGE_STALE_MS = 20, 30
 Step = Callable[["Stalled"], object]
@@ -48,7 +48,7 @@ def read(
         waited = ns(read_ms if waited_ms is None else waited_ms)
         arrival = Arrival(waited, waited if late_ms is None else ns(late_ms), dated)
         sample = stalled.wrench(T0 + ns(read_ms), 10.0)
-        batches = stalled.finger.decide([sample], [T0 + ns(acquired_ms)], arrival)
+        batches = stalled.finger.decide(Read([sample], [T0 + ns(acquired_ms)], arrival))
         assert said(state for batch in batches for state in batch) == list(expected)
 
     return step
@@ -130,8 +130,8 @@ COURSES: dict[str, list[Step]] = {
         step
         for ms in range(1, 800, 200)
         for step in (
-            lambda stalled, ms=ms: list(stalled.finger.decide(
-                [stalled.wrench(T0 + ns(ms + 100), 10.0)], [T0 + ns(ms)], Arrival(ns(99), 0, dated=False))),
+            lambda stalled, ms=ms: list(stalled.finger.decide(Read(
+                [stalled.wrench(T0 + ns(ms + 100), 10.0)], [T0 + ns(ms)], Arrival(ns(99), 0, dated=False)))),
             prompt(ms + 101, ms + 200), no_gap,
         )
     ],

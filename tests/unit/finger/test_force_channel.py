@@ -10,6 +10,7 @@ from nanoseconds import MS, T0
 
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
+from slipd.finger.freshness import Read
 from slipd.finger.stream_health import force_conditions
 from slipd.fusion.levels import CONTACT_STATE
 from slipd.fusion.recent_forces import mean_wrench
@@ -147,7 +148,7 @@ def test_drift_at_its_limit_is_reported(left: str, parse: Parse) -> None:
 
 def test_the_mean_is_that_of_the_readings_between_two_times(finger: Finger, wrench: Wrench) -> None:
     samples = [wrench(T0 + k * MS, 8.0 + k, (1.0, 0.0)) for k in range(6)]
-    list(finger.decide(samples, [sample.t_ns for sample in samples]))
+    list(finger.decide(Read(samples, [sample.t_ns for sample in samples])))
     state = finger._estimator.contact.row
     assert mean_wrench(state, T0 + MS, T0 + 4 * MS)[2] == pytest.approx(-11.0), "of the third to the fifth"
     for since_ns, until_ns, k in (

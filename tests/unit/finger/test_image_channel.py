@@ -127,7 +127,7 @@ def test_an_image_is_known_from_its_coming_until_it_is_spoilt_or_forgotten(
     spoilt[2, 2] = np.nan
     assert (known(pad), pad.wrench(), pad.fresh_until_ns) == ((False,) * 3, None, -1)
     for counts in (RAMP, spoilt, RAMP):
-        pad.update(image(T0, counts))
+        pad.update(image(T0, counts), T0)
         assert known(pad) == (counts is RAMP,) * 3
         assert pad.pressure.any() == (counts is RAMP)
     assert pad.fresh_until_ns == T0 + pad.freshness.stale_ns
@@ -144,7 +144,7 @@ def test_a_taxel_within_the_noise_of_its_tare_shows_neither_a_contact_nor_none(
     pad.begin_tare(T0, 0.1, "someone")
     shown = []
     for k, counts in enumerate((*(300.0 + k % 2 * noise for k in range(12)), 299.0, 302.0, 310.0)):
-        pad.update(TactileSample(T0 + k * 10 * MS, None, np.broadcast_to(counts, noise.shape)))
+        pad.update(TactileSample(T0 + k * 10 * MS, None, np.broadcast_to(counts, noise.shape)), T0 + k * 10 * MS)
         shown.append(pad.shows_contact())
     assert (pad.tare.busy, shown[-3:]) == (False, [False, None, True])
 
@@ -153,10 +153,10 @@ def test_counts_become_newtons_above_the_threshold(make: Callable[..., ImageChan
     pad = make(more=f"tare = {[100.0] * 16}\n")
     counts = np.full(16, 100.0)
     counts[3:7] = 300.0, 106.0, 105.0, 0.0
-    pad.update(image(T0, counts))
+    pad.update(image(T0, counts), T0)
     assert pad.pressure == pytest.approx([0.0] * 3 + [2.0, 0.06] + [0.0] * 11)
     assert pad.shows_contact() is True
-    pad.update(image(T0 + 1, np.full(16, 105.0)))
+    pad.update(image(T0 + 1, np.full(16, 105.0)), T0 + 1)
     assert (pad.shows_contact(), pad.load_distribution(pressed())) == (False, None)
     shape = pad.shape()
     assert shape.active == 0
@@ -170,7 +170,7 @@ def test_images_of_a_free_pad_that_read_nothing_show_its_zero_unless_they_are_do
     pad = ImageChannel(config.pad, config)
     for k in range(1000):
         sample = TactileSample(T0 + k * 10 * MS, None, np.zeros(16), status)
-        pad.update(sample, summary=ForceSummary(no_contact=True, normal_n=0.0 + 0.001 * k, moving=False, agrees=True))
+        pad.update(sample, sample.t_ns, ForceSummary(True, 0.0 + 0.001 * k, moving=False, agrees=True))
     assert pad.zero.origin == origin
 
 
@@ -189,7 +189,7 @@ def test_image_states_why_it_cannot_be_used(make: Callable[..., ImageChannel], i
         pad, sample = make(more=more), image(T0, counts)
         sample.status = status
         assert pad.reasons == ("stale",)
-        pad.update(sample)
+        pad.update(sample, sample.t_ns)
         assert pad.reasons == reasons
         assert pad.is_independent is known(pad)[1] is not bool(reasons)
 
@@ -207,7 +207,7 @@ def test_three_axis_taxels_give_a_wrench_that_is_turned_with_the_pad(
     assert pad.three_axis
     counts = np.full((4, 3), 1000.0)
     counts[1] += (200.0, -100.0, 3000.0)
-    pad.update(TactileSample(T0, None, counts))
+    pad.update(TactileSample(T0, None, counts), T0)
     assert pad.wrench() == pytest.approx((*force_n, *np.cross(at_m, force_n)))
     assert sorted(pad.pressure) == pytest.approx([0.0, 0.0, 0.0, 3.0])
 
@@ -220,6 +220,6 @@ def test_contact_shape_is_in_the_pad_frame(
     make: Callable[..., ImageChannel], image: Image, more: str, centre_m: tuple[float, float]
 ) -> None:
     pad = make(more=more)
-    pad.update(image(T0, np.where(np.arange(16) < 4, 100.0, 0.0)))  # the first row of the scan
+    pad.update(image(T0, np.where(np.arange(16) < 4, 100.0, 0.0)), T0)  # the first row of the scan
     shape = pad.shape()
     assert (shape.active, tuple(shape.centroid_m)) == (4, pytest.approx(centre_m))

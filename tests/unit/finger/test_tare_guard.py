@@ -9,6 +9,7 @@ from fixture_types import Parse
 from nanoseconds import MS, T0
 
 from slipd.finger.finger import Finger
+from slipd.finger.freshness import Read
 from slipd.types.samples import TactileSample, WrenchSample
 
 
@@ -16,7 +17,7 @@ def test_tare_removes_the_bias_and_leaves_out_readings_that_the_sensor_marks(unt
     untared.begin_tare(T0, 0.1, "someone")
     for k in range(30):
         sample = wrench(T0 + 10 * k * MS, *((2.0, (1.0, 0.0)) if k % 2 else (500.0,)), status=() if k % 2 else ("raw",))
-        list(untared.decide((sample,), (sample.t_ns,)))
+        list(untared.decide(Read((sample,), (sample.t_ns,))))
     assert untared.tare.current.id == 1
     assert untared.tare.current.value == pytest.approx((1.0, 0.0, -2.0, 0.0, 0.0, 0.0))
     assert verdict(untared.state) == ("no_contact", ())
@@ -40,7 +41,9 @@ def test_images_that_the_device_marks_invalid_are_left_out_of_a_tare(
 def test_tare_averages_readings_that_arrive_together(noisy: NoisyFinger) -> None:
     noisy.finger.begin_tare(T0, 0.01, "someone")
     samples = [WrenchSample(T0 + k * MS, None, np.full(3, 0.1), np.zeros(3)) for k in range(30)]
-    states = [state for batch in noisy.finger.decide(samples, [sample.t_ns for sample in samples]) for state in batch]
+    states = [
+        state for batch in noisy.finger.decide(Read(samples, [sample.t_ns for sample in samples])) for state in batch
+    ]
     assert noisy.finger.tare.current.id == 1
     assert states[0].wrench == pytest.approx((0.1, 0.1, 0.1, 0.0, 0.0, 0.0))
     assert states[-1].wrench == pytest.approx((0.0,) * 6)

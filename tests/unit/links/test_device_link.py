@@ -37,7 +37,7 @@ def test_streams_that_share_an_address_share_one_link_named_after_the_first(link
 
 def test_options_of_the_config_reach_the_decoder(left: str, parse: Parse) -> None:
     links = make_links(parse(left.replace("rows = 4", "rows = 2").replace("cols = 4", "cols = 3")))
-    ((name, (sample,), _, _),) = links["left.pad"].receive(scan(2, 3), T0)
+    (((sample,), _, _, name),) = links["left.pad"].receive(scan(2, 3), T0)
     assert (name, np.shape(sample.values)) == ("left.pad", (6,))
 
 
@@ -62,7 +62,7 @@ def test_readings_on_a_shared_port_are_assigned_by_their_sensor_and_those_of_no_
     links: dict[str, DeviceLink],
 ) -> None:
     found = links["right.pad"].receive(skin(1, sensors="1234"), T0)
-    sources = [(name, sample.source) for name, samples, _, _ in found for sample in samples]
+    sources = [(name, sample.source) for samples, _, _, name in found for sample in samples]
     assert sorted(sources) == [("right.pad", "2"), ("third.pad", "1")]
 
 

@@ -152,7 +152,7 @@ def test_readings_of_another_kind_or_shape_are_refused_and_reported(parse: Parse
     pad = made(parse, EXTERNAL + PAD, "left.pad")
     assert date(pad, TactileSample(T0, T0, np.zeros((4, 3)))) is None
     mixed: list[Sample] = [TactileSample(T0, T0, np.zeros(shape)) for shape in (4, (4, 3), 4)]
-    assert pad.update(mixed) == ("left.pad", [mixed[0], mixed[2]], [T0, T0], PROMPT), "those that fit are kept"
+    assert pad.update(mixed) == ([mixed[0], mixed[2]], [T0, T0], PROMPT, "left.pad"), "those that fit are kept"
     assert condition(pad, T0) == (Health.OK, ""), "the newest fits"
     assert date(pad, TactileSample(T0, T0, np.zeros((4, 3)))) is None
     assert "4 taxels of three axes, where the config says 4 taxels of one axis" in condition(pad, T0)[1]

@@ -9,8 +9,9 @@ import pytest
 from chirps import chirp
 from nanoseconds import MS
 
+from slipd.fusion.levels import WrenchUncertainty
 from slipd.motion.evidence import Evidence
-from slipd.motion.image_blocks import BLOCK_S, Block, LoadNoise
+from slipd.motion.image_blocks import BLOCK_S, Block
 from slipd.motion.image_fit import ImageComparison
 from slipd.motion.image_shift import CentroidShift
 from slipd.motion.shift_path import LONGEST_NS, KnownMotion, Motion, PathNoise, ShiftPath
@@ -40,7 +41,7 @@ class Hold:
     def __init__(self, images: int = 10, torque_nm: float = 0.0002, turn: float = 0.0) -> None:
         c, s = math.cos(turn), math.sin(turn)
         self.pull = DIRECTION @ ((c, s), (-s, c))
-        self.shift = CentroidShift(ImageComparison(GEOMETRY), LoadNoise(0.02, torque_nm))
+        self.shift = CentroidShift(ImageComparison(GEOMETRY), WrenchUncertainty(0.02, torque_nm))
         self.rng, self.images = np.random.default_rng(3), images
         self.t_ns, self.at_m, self.drift_m = 0, 0.0, 0.0
 

@@ -68,13 +68,3 @@ def test_weak_evidence_of_two_kinds_counts_together_only_at_one_time() -> None:
 def test_a_smaller_risk_asks_for_more_and_a_belief_for_less(per_hour: float, belief: Any, found: bool) -> None:
     look = Evidence("width", 0, math.log(HOUR_LOOKS) + 0.1)
     assert MotionRisk(per_hour, {"width": HOUR_LOOKS}).update(look, **belief) == ("width",) * found
-
-
-@pytest.mark.parametrize(
-    ("per_hour", "looks", "text"),
-    [(1.0, {"smell": 10.0}, "must be among"), (1.0, {"width": 0.0}, "positive"), (0.0, {"width": 10.0}, "positive"),
-     (1.0, {}, "positive")],
-)  # fmt: skip
-def test_wrong_settings_are_refused(per_hour: float, looks: dict[str, float], text: str) -> None:
-    with pytest.raises(ValueError, match=text):
-        MotionRisk(per_hour, looks)

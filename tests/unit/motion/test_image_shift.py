@@ -10,9 +10,10 @@ import pytest
 from chirps import chirp
 from plain_kernels import run_without_compilation
 
+from slipd.fusion.levels import WrenchUncertainty
 from slipd.motion import image_blocks, image_fit, shift_path
 from slipd.motion.evidence import Evidence, f_surprise
-from slipd.motion.image_blocks import ImageBlocks, LoadNoise
+from slipd.motion.image_blocks import ImageBlocks
 from slipd.motion.image_shift import ImageShift
 from slipd.motion.shift_path import LONG_STEP, LONGEST_NS, SHORTEST_NS, PathNoise
 from slipd.signals.pad import PadGeometry
@@ -21,7 +22,7 @@ from slipd.types.arrays import Array
 GEOMETRY = PadGeometry(8, 16, 0.004, 0.003)
 X, Y = GEOMETRY.positions()
 RATE_HZ, PERIOD_NS, T0 = 100, 10_000_000, 100_000_000_000
-NOISE = LoadNoise(0.02, 0.0005)
+NOISE = WrenchUncertainty(0.02, 0.0005)
 READINGS = 10
 """Force readings between two images, whose mean counts."""
 CERTAIN = 12.0
@@ -29,7 +30,7 @@ CERTAIN = 12.0
 
 def measured(rng: np.random.Generator, wrench: Array, *, torque: bool = True) -> tuple[float, ...]:
     """Return the mean of what a force sensor measures between two images; it may measure no torque."""
-    noisy = np.asarray(wrench) + rng.normal(0.0, READINGS**-0.5, 6) * np.repeat(NOISE, 3)
+    noisy = np.asarray(wrench) + rng.normal(0.0, READINGS**-0.5, 6) * np.repeat(NOISE[:2], 3)
     return tuple(np.where(np.arange(6) < (6 if torque else 3), noisy, math.nan).tolist())
 
 

@@ -14,6 +14,7 @@ from slipd.config import Levels, Rates
 from slipd.events import Output, Publish, WallClock
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import VerdictBatch
+from slipd.finger.freshness import Read
 from slipd.publish.finger_messages import FingerPublisher
 from slipd.publish.message_sequencer import MessageSequencer
 from slipd.types.samples import TactileSample
@@ -32,7 +33,7 @@ def batch(finger: Finger, wrench: Wrench) -> VerdictBatch:
     """Readings a millisecond apart: stable, caution, then warning."""
     finger.update_image(TactileSample(T0, None, np.full(16, 100.0)))
     samples = [wrench(T0 + 11 * MS, 10.0, (pull_n, 0.0)) for pull_n in PULLS]
-    (batch,) = finger.decide(samples, [T0 + k * MS for k in range(len(samples))])
+    (batch,) = finger.decide(Read(samples, [T0 + k * MS for k in range(len(samples))]))
     return batch
 
 
