@@ -80,13 +80,9 @@ def _look_for_motion() -> None:
 def _advise_motion(x: Array, y: Array, loads: Array) -> None:
     """Find the limits of the motion of an object between two pads."""
     net, halves = twist_net(x, y, loads, 0.005, 0.005), np.full(2, 0.5)
-    twists, edges = (
-        net,
-        tipping_edges(x[[0, 1, 3, 2]], y[[0, 1, 3, 2]], 0.0, 0.0, 0.005),
-    )
-    pad = HeldPad(
-        np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3), 1.0, halves, halves, halves, 0.5, 1.0, twists, edges
-    )
+    edges = tipping_edges(x[[0, 1, 3, 2]], y[[0, 1, 3, 2]], 0.0, 0.0, 0.005)
+    zero = np.zeros(3)
+    pad = HeldPad(np.eye(3), zero, zero, zero, 1.0, halves, halves, halves, 0.5, 1.0, net, edges)
     each, rest = np.empty(net.shape[1]), np.zeros((1, 6))
     nearest_limit(pad, rest[0], 1.5, 3.0, np.empty(3))
     worst_turn(pad, np.zeros(3), 9.81, np.empty(3))

@@ -62,7 +62,7 @@ class Finger:
         freshness: Of the force readings.
         presence: Whether something presses on the pad.
         trust: Whether the readings are trusted, and a grip may be raised on them.
-        zero_known: The force has a known zero; without one the bias may be any.
+        zero_known: The zero of the force is known. Without it, a reading may be a bias of any size.
         level: Level after the newest force reading.
     """
 

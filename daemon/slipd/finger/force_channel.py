@@ -56,8 +56,8 @@ class ForceChannel:
 
     Attributes:
         freshness: Of the readings.
-        tare: Offset of the readings, in the sensor frame, shape (6,), N and N·m; ``zero``: the same, as only a tare
-            of this run or an earlier one shows the zero, and without one the bias may be any.
+        tare: Offset of the readings, in the sensor frame, shape (6,), N and N·m.
+        zero: Whether the zero of the readings is known: it is the tare itself, of this run or an earlier one.
         gravity: Weight of the finger beyond the sensor.
         drift: Drift of the zero that is subtracted; None where it is not followed.
         noise: Of the readings, without what the weight may add.

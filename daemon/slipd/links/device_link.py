@@ -32,30 +32,32 @@ class FloodGuard:
 
     Attributes:
         rate_hz: Expected rate of all streams of the link, Hz.
-        left: Readings that it may bring before `limit` must look at the time; the caller subtracts what came.
         dropped: Readings dropped since the daemon began.
         dropped_ns: When readings were dropped last; None: never.
     """
 
     def __init__(self) -> None:
-        self.rate_hz = self.left = 0.0
+        self.rate_hz = self._left = 0.0
         self.dropped = 0
         self.dropped_ns: int | None = None
         self._filled_ns = 0
 
     def open(self, t_ns: int) -> None:
         """Begin with a full store on a link opened at ``t_ns``."""
-        self._filled_ns, self.left = t_ns, self._burst()
+        self._filled_ns, self._left = t_ns, self._burst()
 
-    def limit(self, samples: Sequence[Sample], t_ns: int) -> Sequence[Sample]:
-        """Return readings received at ``t_ns``, more than are left, without the oldest that exceed the limit."""
-        refill = (t_ns - self._filled_ns) * 1e-9 * FLOOD_FACTOR * self.rate_hz
-        self.left, self._filled_ns = min(self.left + refill, self._burst()), t_ns
-        surplus = max(len(samples) - int(self.left), 0)
-        if surplus:
-            self.dropped += surplus
-            self.dropped_ns = t_ns
-        return samples[surplus:]
+    def admit(self, samples: Sequence[Sample], t_ns: int) -> Sequence[Sample]:
+        """Return readings received at ``t_ns`` without the oldest that exceed the limit."""
+        if len(samples) > self._left:
+            refill = (t_ns - self._filled_ns) * 1e-9 * FLOOD_FACTOR * self.rate_hz
+            self._left, self._filled_ns = min(self._left + refill, self._burst()), t_ns
+            surplus = max(len(samples) - int(self._left), 0)
+            if surplus:
+                self.dropped += surplus
+                self.dropped_ns = t_ns
+                samples = samples[surplus:]
+        self._left -= len(samples)
+        return samples
 
     def _burst(self) -> float:
         return max(BURST_S * self.rate_hz, LEAST_BURST)
@@ -215,7 +217,7 @@ class DeviceLink:
         self.received_ns = t_ns
         if self._begin_again_ns is not None:
             return []
-        session, guard, flood = self.session, self.guard, self.flood
+        session, guard = self.session, self.guard
         try:
             samples = self._decoder.receive(data, t_ns)
             if session is not None:
@@ -228,9 +230,7 @@ class DeviceLink:
             guard.check()
         if not samples or guard.mismatch:
             return []
-        if len(samples) > flood.left:
-            samples = flood.limit(samples, t_ns)
-        flood.left -= len(samples)
+        samples = self.flood.admit(samples, t_ns)
         reads = []
         for source, run in groupby(samples, _SOURCE) if self.device.shared else (("", samples),):
             stream = self.streams.get(source)

@@ -124,7 +124,8 @@ class Tare:
 
     Attributes:
         current: The offset in force.
-        known: The zero is known: by a tare, or because the pad was seen to be free. The config is asked elsewhere.
+        known: The zero is known by a tare, or because the pad was seen to be free. An offset that the config states
+            does not count here; see `slipd.finger.pad_zero`.
         busy: A tare is running.
         on_change: Called after each change of these three, in this order.
         aborted_reason: Why the newest tare was aborted; None if it was not.
