@@ -39,9 +39,8 @@ REPEATED = "sensor {}: the server repeats its last values and time: does the pad
 
 AXES = 3
 _BEGIN = re.compile(rb"\{")
-_REST = rb"[^{}]*+(?:\{[^{}]*+\}[^{}]*+)*+(?:(?P<end>\})|(?P<open>\{[^{}]*+)?\Z)"
-_AFTER = {1: re.compile(_REST), 2: re.compile(rb"[^{}]*+(?:\}" + _REST + rb"|(?P<inside>)\Z)")}
-"""Rest of an object in which one brace is open, or two: up to its end, or all that is received of it."""
+_OBJECT = re.compile(rb"\{[^{}]*+(?:\{[^{}]*+\}[^{}]*+)*+(?:(?P<end>\})|(?:\{[^{}]*+)?\Z)")
+"""An object that contains objects without objects, or all that is received of it."""
 _BARE_POINT = re.compile(r"(?<=[\s\[,:-])\.")
 _WORDS = re.compile("[0-9A-Fa-f]{1,4}(?:,[0-9A-Fa-f]{1,4})*")
 _LATEST_TIME_S = 9e9  # its nanoseconds still fit 64 bits
@@ -69,11 +68,10 @@ class Decoder(FrameDecoder):
     def __init__(self, calibrated: bool = False) -> None:
         super().__init__()
         self._calibrated = calibrated
-        self._frames = MessageScanner(_BEGIN, self._read, self.health, text=b" \t\r\n")
+        self._frames = MessageScanner(_BEGIN, _read, self.health, text=b" \t\r\n")
         # a WebSocket keeps the order, so a falling number is a restart of the server
         self._sequence = SequenceTracker(_NUMBER_SPAN, self.health, late_within=0)
         self._newest: dict[str, tuple[object, object]] = {}  # time and values of each sensor, as sent
-        self._partial = 0, 0  # bytes and open braces of an object that is not closed
 
     def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
         """Decode bytes received at ``t_ns``; return the readings they complete."""
@@ -86,32 +84,6 @@ class Decoder(FrameDecoder):
         super().forget()
         self._sequence.forget()
         self._newest.clear()
-        self._partial = 0, 0
-
-    def _read(self, buffer: bytes, at: int) -> tuple[int, dict[str, Any] | None]:
-        """Return length and content of the message at ``at``, for `MessageScanner`."""
-        length = self._measure(buffer, at)
-        message = _parse(buffer[at : at + length]) if length > 0 else None
-        return length if length <= 0 or message is not None else NO_FRAME, message
-
-    def _measure(self, buffer: bytes, at: int) -> int:
-        """Return the length of the object at ``at``; 0 if more bytes may close it, else `NO_FRAME`.
-
-        An object that is not closed is measured again at the beginning of the next buffer, from where this one ends.
-        """
-        size, braces = self._partial if at == 0 else (0, 0)
-        self._partial = 0, 0
-        if size == 0:
-            if not buffer.startswith(b"{", at):
-                return NO_FRAME
-            size = braces = 1
-        found = _AFTER[braces].match(buffer, at + size)
-        if found is None or found.end() - at > MAX_MESSAGE:
-            return NO_FRAME
-        if found["end"]:
-            return found.end() - at
-        self._partial = found.end() - at, 1 if found.lastgroup is None else 2
-        return 0
 
     def _decode(self, message: dict[str, Any], t_ns: int) -> list[TactileSample]:
         number = message.get("message")
@@ -156,6 +128,17 @@ class Decoder(FrameDecoder):
         if not numbers or type(taxels) is not int or len(numbers) != AXES * taxels:
             return None
         return np.array(numbers, dtype=np.float64).reshape(taxels, AXES)
+
+
+def _read(buffer: bytes, at: int) -> tuple[int, dict[str, Any] | None]:
+    """Return length and content of the message at ``at``, for `MessageScanner`."""
+    found = _OBJECT.match(buffer, at)
+    if found is None or len(found[0]) > MAX_MESSAGE:
+        return NO_FRAME, None
+    if not found["end"]:
+        return 0, None
+    message = _parse(found[0])
+    return NO_FRAME if message is None else len(found[0]), message
 
 
 def _parse(data: bytes) -> dict[str, Any] | None:

@@ -114,23 +114,6 @@ def test_xela_parses_no_character_more_than_four_times(text: bytes, size: int, m
     assert sum(parsed) <= 4 * size + stream.count(b"."), "a zero is put before each dot"
 
 
-@pytest.mark.parametrize("text", [b"{" + b"{}" * 2000, b'{"a":' + b"1," * 2000, b'{"a":{"b":' + b"1," * 2000])
-def test_xela_searches_no_character_of_an_open_object_again(text: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
-    searched: list[int] = []
-
-    class Counting:
-        def __init__(self, braces: int) -> None:
-            self.match_real = xela._AFTER[braces].match
-
-        def match(self, buffer: bytes, at: int) -> Any:
-            searched.append(len(buffer) - at)
-            return self.match_real(buffer, at)
-
-    monkeypatch.setattr(xela, "_AFTER", {braces: Counting(braces) for braces in xela._AFTER})
-    receiving(xela.Decoder(), text, 1)
-    assert sum(searched) <= len(text)
-
-
 def run(first: int, count: int) -> bytes:
     return b"".join(sim_rdt.encode_record((n % 1000, 0, 0, 0, 0, n % 7), n, 7 * n) for n in range(first, first + count))
 

@@ -26,7 +26,7 @@ MAX_STREAMS = 64
 Reading = WrenchSample | TactileSample | ObjectSample | ArmSample
 
 _SEQ_SPAN = 1 << 64
-_BEGIN = re.compile(rb"[\x83-\x87](?:[\xa3-\xbb]|\Z)")  # a map of 3 to 7 fields, and a key of 3 to 27 bytes
+_BEGIN = re.compile(rb"[\x83-\x87](?:[\xa3-\xbb](?:[a-z]|\Z)|\Z)")  # a map of 3 to 7 fields; a key of 3 to 27 letters
 
 
 class Decoder(FrameDecoder):

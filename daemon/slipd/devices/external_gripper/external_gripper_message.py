@@ -145,7 +145,7 @@ def encode_notice(key: str, text: str) -> bytes:
     return data
 
 
-_BEGIN = re.compile(rb"[\x82-\x8a](?:[\xa1-\xaf]|\Z)")  # a map of 2 to 10 fields, and a key
+_BEGIN = re.compile(rb"[\x82-\x8a](?:[\xa1-\xaf](?:[a-z]|\Z)|\Z)")  # a map of 2 to 10 fields, and a key
 
 
 class Decoder(FrameDecoder):

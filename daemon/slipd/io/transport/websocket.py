@@ -1,7 +1,8 @@
 """A WebSocket server as a connection: the content of its messages is delivered as a stream of bytes.
 
 This uses the protocol of the websockets library, but not its input and output, which have no bounds: they parse 256 KiB
-at a time, deliver queued messages without a pause, and queue pongs for a peer that does not read them.
+at a time, deliver queued messages without a pause, and queue pongs for a peer that does not read them. A message is
+delivered in one piece: its decoder parses it in one go, when its last byte arrives.
 """
 
 from __future__ import annotations
@@ -23,9 +24,6 @@ from slipd.io.transport.sockets import connected
 
 MAX_MESSAGE_BYTES = 1 << 17
 """Largest message accepted: twice one image of the largest hand as JSON text."""
-
-PIECE_BYTES = 1 << 12
-"""Bytes of a message delivered before other tasks of the loop run."""
 
 MANY_FRAMES, READ_BYTES_OF_MANY = 32, 128
 """After a read with more frames than the first, only this many bytes are read at once: a frame may have two bytes, and
@@ -116,12 +114,11 @@ class WebsocketConnection(FileConnection):
 
     def __init__(self, address: str, opened: socket.socket, protocol: ClientProtocol, on_bytes: OnBytes) -> None:
         self._protocol = protocol
-        self._undelivered = b""
         super().__init__(address, opened, on_bytes)
         self._received_s = self._loop.time()
         self._unanswered = 0
         self._next_check = self._loop.call_later(PING_INTERVAL_S, self._check_alive)
-        self._next_piece = self._loop.call_soon(self._handle_frames)  # frames that came with the handshake
+        self._first_frames = self._loop.call_soon(self._handle_frames)  # those that came with the handshake
 
     def unread(self) -> bool:
         """Return whether bytes wait that are not read at once; pings are read, but deliver nothing."""
@@ -154,33 +151,17 @@ class WebsocketConnection(FileConnection):
         """Handle the frames that the last read completed."""
         frames = [event for event in self._protocol.events_received() if isinstance(event, Frame)]
         self._read_bytes = READ_BYTES_OF_MANY if len(frames) > MANY_FRAMES else READ_BYTES
-        self._undelivered = b"".join(frame.data for frame in frames if frame.opcode in _DATA)
         self._send_answers()
-        self._deliver_piece()
-
-    def _send_answers(self) -> None:
-        if answers := self._protocol.data_to_send():
-            super().write(b"".join(answers))
-
-    def _deliver_piece(self) -> None:
-        """Deliver the next piece of a message; read no more until nothing is left."""
-        piece, self._undelivered = self._undelivered[:PIECE_BYTES], self._undelivered[PIECE_BYTES:]
-        if piece:
-            self.deliver(piece)
-        if self.ended:
-            return
-        if self._undelivered:
-            self._stop_reading()
-            self._next_piece = self._loop.call_soon(self._go_on)
-        elif self._protocol.close_rcvd is not None:
+        if data := b"".join(frame.data for frame in frames if frame.opcode in _DATA):
+            self.deliver(data)
+        if self._protocol.close_rcvd is not None:
             self._fail(f"the server closed it: {self._protocol.close_rcvd}")
         elif self._protocol.parser_exc is not None:
             self._fail(f"the server violates the protocol: {self._protocol.parser_exc}")
 
-    def _go_on(self) -> None:
-        """Deliver the next piece; read again, unless another follows it."""
-        self._start_reading()
-        self._deliver_piece()
+    def _send_answers(self) -> None:
+        if answers := self._protocol.data_to_send():
+            super().write(b"".join(answers))
 
     def _check_alive(self) -> None:
         """Ping a silent server, and end the connection if it does not answer.
@@ -204,4 +185,4 @@ class WebsocketConnection(FileConnection):
     def _stop(self) -> None:
         super()._stop()
         self._next_check.cancel()
-        self._next_piece.cancel()
+        self._first_frames.cancel()

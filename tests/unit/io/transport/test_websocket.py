@@ -19,9 +19,7 @@ from slipd.io.transport.link_connection import READ_BYTES
 from slipd.io.transport.websocket import (
     MAX_HANDSHAKE_BYTES,
     MAX_MESSAGE_BYTES,
-    PIECE_BYTES,
     WebsocketConnection,
-    open_websocket,
 )
 
 pytestmark = pytest.mark.usefixtures("loop_faults")
@@ -85,7 +83,6 @@ async def test_messages_are_delivered_as_one_stream_in_order() -> None:
         await eventually(lambda: len(received(events)) == len(content))
     assert events[0] == LinkUp("left.wrench", spec.address)
     assert received(events) == content
-    assert max(map(len, pieces(events))) <= PIECE_BYTES
 
 
 async def test_a_ping_is_answered_a_write_is_refused_and_the_end_is_a_proper_farewell() -> None:
@@ -142,7 +139,7 @@ async def test_a_message_beyond_all_measure_ends_the_connection() -> None:
     fits, beyond = "x" * MAX_MESSAGE_BYTES, "x" * (MAX_MESSAGE_BYTES + 1)
     async with sensor_server(saying(fits, beyond)) as spec, serving(spec) as (_, events):
         await eventually(lambda: downs(events))
-    assert b"".join(pieces(events)[: MAX_MESSAGE_BYTES // PIECE_BYTES]) == fits.encode()
+    assert pieces(events) == [fits.encode()]
     assert "exceeds limit" in downs(events)[0]
 
 
@@ -205,15 +202,3 @@ async def test_C4_a_stall_of_the_daemon_is_no_silence_of_a_server_that_answers_p
             time.sleep(0.2)  # noqa: ASYNC251 - nothing of this process runs
             await asyncio.sleep(0.1)
         assert kinds(events) == [LinkUp]
-
-
-async def test_a_connection_that_the_server_ends_meanwhile_is_closed_all_the_same() -> None:
-    """Its last message is delivered in pieces, and its close frame waits after them."""
-    message = b"\x82\x7e" + (30_000).to_bytes(2, "big") + bytes(30_000)
-    pieces: asyncio.Queue[bytes] = asyncio.Queue()
-    async with websocket_server(message + b"\x88\x00") as spec:
-        connection = await open_websocket(spec, pieces.put_nowait)
-        await pieces.get()
-        assert connection._undelivered
-        await connection.close()
-        assert connection._opened.fileno() == -1
