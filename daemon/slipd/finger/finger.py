@@ -22,7 +22,7 @@ from slipd.finger.finger_tares import TareGuard
 from slipd.finger.force_channel import ForceChannel, WrenchBatch
 from slipd.finger.force_image_check import NO_SUMMARY, ForceImageCheck
 from slipd.finger.freshness import PROMPT, Arrival, Read, pop_served
-from slipd.finger.image_channel import STALE, ImageChannel, wrench_by_taxels
+from slipd.finger.image_channel import STALE, ImageChannel
 from slipd.finger.trust import ContactPresence, Trust
 from slipd.finger.verdict import PAD_FREE, ROTATION_UNOBSERVED, STREAM_STALE, Verdict
 from slipd.fusion.levels import WrenchUncertainty
@@ -171,7 +171,7 @@ class Finger:
         if check is not None and self.motion is not None:
             check.update_image(t_ns, known=normal_n is not None)
             self.found = self._look_for_motion(self.motion, image, check, before_ns, t_ns)
-        readings = wrench_by_taxels(image, sample, t_ns) if self.force is None and image.three_axis else None
+        readings = image.force_reading(sample, t_ns) if self.force is None and image.three_axis else None
         self._follow_image()
         return None if readings is None else self._judge(readings, arrival)
 

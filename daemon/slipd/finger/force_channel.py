@@ -64,7 +64,6 @@ class ForceChannel:
         mass_kg: Of the finger beyond the sensor.
         watch: Repeated, impossible and missing readings; whether the newest reading is suspect.
         status: Conditions that the device reported with the newest reading.
-        waited_undated: The readings of the newest read waited for the daemon, and have no time of their own.
         fault: Fault of the newest reading: "stuck", "garbage", "not_finite", "intermittent" or "".
     """
 
@@ -94,7 +93,7 @@ class ForceChannel:
         )
         self.fault = ""
         self.status: tuple[str, ...] = ()
-        self.waited_undated = False
+        self._waited_undated = False  # the newest read waited for the daemon, and has no time of its own
         self._set_conditions()
 
     def condition(
@@ -130,9 +129,9 @@ class ForceChannel:
 
         Without a clock, time seems to stand still for readings that waited, and then to jump: that is no gap.
         """
-        if self.waited_undated:
+        if self._waited_undated:
             self.watch.excuse(first_ns)
-        self.waited_undated = arrival.waited_ns > 0 and not arrival.dated
+        self._waited_undated = arrival.waited_ns > 0 and not arrival.dated
 
     def _subtract_drift(
         self, drift: DriftCompensation, rows: Rows, times_ns: Sequence[int], untouched: bool | None

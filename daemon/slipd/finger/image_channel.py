@@ -232,15 +232,31 @@ class ImageChannel:
         force, torque = taxel_wrench(self.x, self.y, self._forces)
         return (*force.tolist(), *torque.tolist())
 
+    def force_reading(self, sample: TactileSample, t_ns: int) -> WrenchBatch:
+        """Return the newest image of three-axis taxels as a batch of one force reading; call it once for each image.
+
+        Args:
+            sample: The image.
+            t_ns: When it was acquired, CLOCK_MONOTONIC.
+        """
+        reasons = tuple(sorted(UNTRUSTED_WORDS.intersection(sample.status)))
+        if not self.zero.known:
+            reasons = ("not_tared", *reasons)
+        wrench = self.wrench()
+        rows = new_readings([_UNKNOWN if wrench is None else wrench], [t_ns])
+        if wrench is None:
+            reasons = reasons or ("not_finite",)
+        else:
+            self._watch.update(rows)
+            reasons = ("stuck", *reasons) if self.repeats else reasons
+        if reasons:
+            rows["phase"] = UNTRUSTED
+        return WrenchBatch((t_ns,), sample.t_ns, rows, True, {0: reasons} if reasons else {}, (sample.status,))
+
     @property
     def repeats(self) -> bool:
-        """Three-axis images are stuck, see `is_stuck`."""
+        """The wrench of three-axis taxels repeats for as long as ``stuck_after`` says."""
         return self._watch.fault == "stuck"
-
-    def is_stuck(self, readings: Rows) -> bool:
-        """Return whether the wrench of three-axis taxels repeats (``stuck_after``); call it once for each image."""
-        self._watch.update(readings)
-        return self.repeats
 
     def shows_contact(self) -> bool | None:
         """Return whether something presses; None where the image does not show that by itself.
@@ -268,25 +284,3 @@ class ImageChannel:
         if not self._usable:
             return None
         return shape_of(self.x, self.y, self.pressure, self.geometry.cols, self.geometry.pitch_m)
-
-
-def wrench_by_taxels(image: ImageChannel, sample: TactileSample, t_ns: int) -> WrenchBatch:
-    """Return the newest image of a pad as a batch of one force reading, in the pad frame.
-
-    Args:
-        image: The pad, updated with ``sample``.
-        sample: The image.
-        t_ns: When it was acquired, CLOCK_MONOTONIC.
-    """
-    reasons = tuple(sorted(UNTRUSTED_WORDS.intersection(sample.status)))
-    if not image.zero.known:
-        reasons = ("not_tared", *reasons)
-    wrench = image.wrench()
-    if wrench is None:
-        reasons = reasons or ("not_finite",)
-    rows = new_readings([_UNKNOWN if wrench is None else wrench], [t_ns])
-    if wrench is not None and image.is_stuck(rows):
-        reasons = ("stuck", *reasons)
-    if reasons:
-        rows["phase"] = UNTRUSTED
-    return WrenchBatch((t_ns,), sample.t_ns, rows, True, {0: reasons} if reasons else {}, (sample.status,))

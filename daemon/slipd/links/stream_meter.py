@@ -92,10 +92,17 @@ class StreamMeter:
         return Read(fitting, times_ns, arrival, self.name)
 
     def _host_time(self, sample: Sample) -> int:
-        acquired_ns, believed = host_time(sample.device_time_ns, sample.t_ns)
-        if not believed and sample.device_time_ns is not None:
-            self.bad_time_ns = sample.t_ns
-        return acquired_ns
+        """Return the time that a reading states, of this host's CLOCK_MONOTONIC; its receipt if that is not believed.
+
+        A time in the future is not, nor one older than ``OLDEST_HOST_NS``.
+        """
+        stated_ns = sample.device_time_ns
+        if stated_ns is None:
+            return sample.t_ns
+        if 0 <= sample.t_ns - stated_ns <= OLDEST_HOST_NS:
+            return stated_ns
+        self.bad_time_ns = sample.t_ns
+        return sample.t_ns
 
     def _device_time(self, sample: Sample, arrival: Arrival) -> int:
         device_ns = sample.device_time_ns
@@ -137,15 +144,3 @@ def _shape(config: Pad) -> tuple[int, ...]:
 def _text(shape: tuple[int, ...]) -> str:
     axes = "three axes" if len(shape) > 1 else "one axis"
     return f"{shape[0]} taxels of {axes}"
-
-
-def host_time(device_time_ns: int | None, receipt_ns: int) -> tuple[int, bool]:
-    """Return the time of acquisition of a reading whose clock is the host's CLOCK_MONOTONIC.
-
-    Returns:
-        The stated time and True; the receipt and False if no time is stated, or one in the future or older than
-        ``OLDEST_HOST_NS``.
-    """
-    if device_time_ns is not None and 0 <= receipt_ns - device_time_ns <= OLDEST_HOST_NS:
-        return device_time_ns, True
-    return receipt_ns, False

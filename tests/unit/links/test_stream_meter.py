@@ -11,7 +11,7 @@ from nanoseconds import MS, T0
 from slipd.finger.freshness import PROMPT, Arrival
 from slipd.finger.stream_health import Condition
 from slipd.links.link_health import SHOWN_NS, _stream_condition
-from slipd.links.stream_meter import StreamMeter
+from slipd.links.stream_meter import OLDEST_HOST_NS, StreamMeter
 from slipd.types.samples import ArmSample, Sample, TactileSample, WrenchSample
 from slipd_client.messages import Health
 
@@ -143,6 +143,8 @@ def test_times_of_a_program_on_this_host_are_used_unless_they_lie_in_the_future(
     assert condition(stream, T0)[0] == Health.WARN
     assert date(stream, reading(T0 + SHOWN_NS, T0 + SHOWN_NS)) == T0 + SHOWN_NS
     assert condition(stream, T0 + SHOWN_NS) == (Health.OK, "")
+    oldest_ns = T0 - OLDEST_HOST_NS
+    assert [date(made(parse, EXTERNAL), reading(T0, at_ns)) for at_ns in (oldest_ns, oldest_ns - 1)] == [oldest_ns, T0]
 
 
 def test_readings_of_another_kind_or_shape_are_refused_and_reported(parse: Parse) -> None:

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from nanoseconds import MS, S
 from numpy.typing import NDArray
 
-from slipd.links.stream_meter import OLDEST_HOST_NS, host_time
 from slipd.signals.clock import PROBATION_NS, DeviceClock
 from slipd.signals.clock_fit import MAX_PPM
 from slipd.types.arrays import Array
@@ -160,13 +159,6 @@ def test_for_any_clock_no_time_lies_after_its_receipt_or_goes_back(steps: list[t
         told = clock.map(device, receipt)
         assert before <= told <= receipt
         before = told
-
-
-def test_the_hosts_own_time_is_taken_where_it_can_be_true() -> None:
-    assert host_time(5 * S, 5 * S) == (5 * S, True)
-    assert host_time(20 * S - OLDEST_HOST_NS, 20 * S) == (20 * S - OLDEST_HOST_NS, True)
-    for own in (None, 20 * S + 1, 20 * S - OLDEST_HOST_NS - 1):
-        assert host_time(own, 20 * S) == (20 * S, False)
 
 
 Device = Callable[[int], int | None]
