@@ -45,7 +45,6 @@ from slipd.publish.status_publisher import StatusPublisher
 from slipd.requests.handlers import RequestHandlers
 from slipd.requests.recording_state import RecordingState
 from slipd.rig import GRIPPER_LINK, Rig
-from slipd.types.samples import GripperSample
 from slipd_client.messages import GRIPPER_TOPIC
 
 SUSPENSION_NS = 50_000_000
@@ -202,7 +201,9 @@ class Engine:
         owner, _, kind = stream.partition(".")
         if kind:
             return partial(self._handle_finger, self._publishers[owner], kind)
-        return self._handle_arm if owner == "arm" else self._handle_grasp_samples
+        if isinstance(self._gripper, GripperControl) and owner == GRIPPER_LINK:
+            return partial(self._handle_gripper, self._gripper)
+        return self._handle_arm if owner == "arm" else self._handle_object
 
     def _handle_finger(self, publisher: FingerPublisher, kind: str, read: Read, t_ns: int, out: list[Output]) -> None:
         """Handle the readings of one stream of a finger that came in one read."""
@@ -232,13 +233,16 @@ class Engine:
     def _handle_arm(self, read: Read, _: int, __: list[Output]) -> None:
         cast("ArmMotion", self._arm).update(read.samples, read.times_ns, self._gripper.width_m)
 
-    def _handle_grasp_samples(self, read: Read, _: int, out: list[Output]) -> None:
-        """Handle readings of the gripper, or of the object by another process."""
+    def _handle_gripper(self, gripper: GripperControl, read: Read, _: int, out: list[Output]) -> None:
+        for sample in read.samples:
+            gripper.update(sample)
+            self._publish_gripper(sample.t_ns, out)
+            self._report_motion(self._motion.update_gripper(gripper, sample.t_ns), sample.t_ns, out)
+
+    def _handle_object(self, read: Read, _: int, out: list[Output]) -> None:
+        """Handle what another process observes of the object."""
         for sample, acquired_ns in zip(read.samples, read.times_ns, strict=True):
-            if isinstance(sample, GripperSample) and isinstance(self._gripper, GripperControl):
-                self._gripper.update(sample)
-                self._publish_gripper(sample.t_ns, out)
-            self._report_motion(self._motion.update_grasp(sample, acquired_ns), sample.t_ns, out)
+            self._report_motion(self._motion.update_object(sample, acquired_ns), sample.t_ns, out)
 
     def _report_motion(self, found: Found, t_ns: int, out: list[Output]) -> None:
         """Publish at once that fingers report motion."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
 from slipd.grasp.pad_motion import make_pad_motion
@@ -10,7 +12,7 @@ from slipd.motion.evidence import Evidence, MotionRisk
 from slipd.motion.outside_motion import OutsideMotion
 from slipd.motion.width_change import WidthChange
 from slipd.rig import Rig
-from slipd.types.samples import GripperSample, ObjectSample
+from slipd.types.samples import ObjectSample
 
 REPORTED_NS = 300_000_000
 """Motion of the jaws, in pads that measure the force, or by another process, stays reported for this long after the
@@ -29,7 +31,7 @@ class HeldMotion:
 
     def __init__(self, rig: Rig) -> None:
         gripper, fingers, grasp = rig.gripper, rig.fingers, rig.config.grasp
-        self._gripper, self._pads = gripper, make_pad_motion(list(fingers.values()))
+        self._pads = make_pad_motion(list(fingers.values()))
         self._width = WidthChange(gripper.session.width_step_m) if isinstance(gripper, GripperControl) else None
         observed = None if grasp is None else grasp.object
         self._outside = None if observed is None else OutsideMotion(observed.std_m, observed.rate_hz)
@@ -53,24 +55,29 @@ class HeldMotion:
     def _update_pads(self) -> Found:
         """Look at pads that measure the force themselves, after an image of one of them."""
         pads = self._pads
-        look = None if pads is None else pads.update()
-        if pads is None or look is None:
+        if pads is None or (look := pads.update()) is None:
             return []
         found = self._judge(*look)
         if found:
             pads.confirm()
         return found
 
-    def update_grasp(self, sample: GripperSample | ObjectSample, acquired_ns: int) -> Found:
-        """Judge a reading of the gripper, which has it already, or of the object, acquired at ``acquired_ns``."""
-        gripper, width, outside, evidence = self._gripper, self._width, self._outside, None
-        if isinstance(sample, GripperSample) and isinstance(gripper, GripperControl) and width is not None:
-            evidence = width.update(sample.t_ns, gripper.width_m, held=gripper.holds, command=gripper.command)
-        elif isinstance(sample, ObjectSample) and outside is not None and not sample.status:
-            held = all(finger.presence.is_pressed() for finger in self._fingers.values())
-            evidence = outside.update(acquired_ns, sample, held=held)
+    def update_gripper(self, gripper: GripperControl, t_ns: int) -> Found:
+        """Judge the newest reading of the gripper, of ``t_ns``."""
+        width = cast("WidthChange", self._width)
+        evidence = width.update(t_ns, gripper.width_m, held=gripper.holds, command=gripper.command)
+        return self._judge_and_confirm(evidence)
+
+    def update_object(self, sample: ObjectSample, acquired_ns: int) -> Found:
+        """Judge a reading of the object by another process, acquired at ``acquired_ns``."""
+        if self._outside is None or sample.status:
+            return []
+        held = all(finger.presence.is_pressed() for finger in self._fingers.values())
+        return self._judge_and_confirm(self._outside.update(acquired_ns, sample, held=held))
+
+    def _judge_and_confirm(self, evidence: Evidence | None) -> Found:
         found = [] if evidence is None else self._judge(evidence)
-        for watch in (width, outside) if found else ():
+        for watch in (self._width, self._outside) if found else ():
             if watch is not None:
                 watch.confirm()
         return found

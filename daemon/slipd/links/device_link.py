@@ -27,94 +27,6 @@ LEAST_BURST = 32.0
 _SOURCE = attrgetter("source")
 
 
-class FloodGuard:
-    """The readings that a link may bring now: a store that fills at a multiple of the expected rate.
-
-    Attributes:
-        rate_hz: Expected rate of all streams of the link, Hz.
-        dropped: Readings dropped since the daemon began.
-        dropped_ns: When readings were dropped last; None: never.
-    """
-
-    def __init__(self) -> None:
-        self.rate_hz = self._left = 0.0
-        self.dropped = 0
-        self.dropped_ns: int | None = None
-        self._filled_ns = 0
-
-    def open(self, t_ns: int) -> None:
-        """Begin with a full store on a link opened at ``t_ns``."""
-        self._filled_ns, self._left = t_ns, self._burst()
-
-    def admit(self, samples: Sequence[Sample], t_ns: int) -> Sequence[Sample]:
-        """Return readings received at ``t_ns`` without the oldest that exceed the limit."""
-        if len(samples) > self._left:
-            refill = (t_ns - self._filled_ns) * 1e-9 * FLOOD_FACTOR * self.rate_hz
-            self._left, self._filled_ns = min(self._left + refill, self._burst()), t_ns
-            surplus = max(len(samples) - int(self._left), 0)
-            if surplus:
-                self.dropped += surplus
-                self.dropped_ns = t_ns
-                samples = samples[surplus:]
-        self._left -= len(samples)
-        return samples
-
-    def _burst(self) -> float:
-        return max(BURST_S * self.rate_hz, LEAST_BURST)
-
-
-class IdentityGuard:
-    """What was opened and which device answered, compared with the config and with the run so far.
-
-    Tare, calibration and mounting belong to one device, so that readings of another one must not be used.
-
-    Args:
-        wanted: Identity that the config names, of the device or of what is opened; "" for any.
-        session: The conversation in which the device reports its identity; None for a device that sends unasked.
-
-    Attributes:
-        opened: What was opened last, e.g. a path or an address; "" before.
-        first: First identity that a device reported in this run; "" before.
-        mismatch: Why readings must not be used; "" where they may.
-    """
-
-    def __init__(self, wanted: str, session: Session | None) -> None:
-        self._wanted, self._session = wanted, session
-        self._first_opened = ""
-        self.opened = self.first = self.mismatch = ""
-
-    def open(self, opened: str) -> bool:
-        """Note what was opened; return whether the link was open before in this run."""
-        reopened = bool(self._first_opened)
-        self._first_opened = self._first_opened or opened
-        self.opened = opened
-        return reopened
-
-    @property
-    def reported(self) -> str:
-        """Identity that the device reports; "" if it did not yet, or never does."""
-        return self._session.identity if self._session is not None else ""
-
-    def check(self) -> None:
-        """Compare what was opened, and the identity that the device reports, if any."""
-        session, identity = self._session, self.reported
-        self.first = self.first or identity
-        if self._wanted and self._wanted not in (identity, self.opened):
-            self.mismatch = (
-                f"another device answers: {identity!r}, where hardware_id says {self._wanted!r}"
-                if identity
-                else f"waits for the device to identify itself as {self._wanted!r}"
-            )
-        elif not identity and self.first and session is not None and session.state != "running":
-            self.mismatch = "waits for the device to identify itself: another device may be connected now"
-        elif identity != self.first and identity:
-            self.mismatch = f"another device answers: {identity!r}, where {self.first!r} was; restart slipd"
-        elif self.opened != self._first_opened:
-            self.mismatch = f"another port answers: {self.opened!r}, where {self._first_opened!r} was"
-        else:
-            self.mismatch = ""
-
-
 class DeviceLink:
     """A port or server, the conversation on it, and the streams that it carries.
 
@@ -269,6 +181,94 @@ class DeviceLink:
             return
         with suppress(Exception):
             cast("Decoder", self._decoder).forget()
+
+
+class IdentityGuard:
+    """What was opened and which device answered, compared with the config and with the run so far.
+
+    Tare, calibration and mounting belong to one device, so that readings of another one must not be used.
+
+    Args:
+        wanted: Identity that the config names, of the device or of what is opened; "" for any.
+        session: The conversation in which the device reports its identity; None for a device that sends unasked.
+
+    Attributes:
+        opened: What was opened last, e.g. a path or an address; "" before.
+        first: First identity that a device reported in this run; "" before.
+        mismatch: Why readings must not be used; "" where they may.
+    """
+
+    def __init__(self, wanted: str, session: Session | None) -> None:
+        self._wanted, self._session = wanted, session
+        self._first_opened = ""
+        self.opened = self.first = self.mismatch = ""
+
+    def open(self, opened: str) -> bool:
+        """Note what was opened; return whether the link was open before in this run."""
+        reopened = bool(self._first_opened)
+        self._first_opened = self._first_opened or opened
+        self.opened = opened
+        return reopened
+
+    @property
+    def reported(self) -> str:
+        """Identity that the device reports; "" if it did not yet, or never does."""
+        return self._session.identity if self._session is not None else ""
+
+    def check(self) -> None:
+        """Compare what was opened, and the identity that the device reports, if any."""
+        session, identity = self._session, self.reported
+        self.first = self.first or identity
+        if self._wanted and self._wanted not in (identity, self.opened):
+            self.mismatch = (
+                f"another device answers: {identity!r}, where hardware_id says {self._wanted!r}"
+                if identity
+                else f"waits for the device to identify itself as {self._wanted!r}"
+            )
+        elif not identity and self.first and session is not None and session.state != "running":
+            self.mismatch = "waits for the device to identify itself: another device may be connected now"
+        elif identity != self.first and identity:
+            self.mismatch = f"another device answers: {identity!r}, where {self.first!r} was; restart slipd"
+        elif self.opened != self._first_opened:
+            self.mismatch = f"another port answers: {self.opened!r}, where {self._first_opened!r} was"
+        else:
+            self.mismatch = ""
+
+
+class FloodGuard:
+    """The readings that a link may bring now: a store that fills at a multiple of the expected rate.
+
+    Attributes:
+        rate_hz: Expected rate of all streams of the link, Hz.
+        dropped: Readings dropped since the daemon began.
+        dropped_ns: When readings were dropped last; None: never.
+    """
+
+    def __init__(self) -> None:
+        self.rate_hz = self._left = 0.0
+        self.dropped = 0
+        self.dropped_ns: int | None = None
+        self._filled_ns = 0
+
+    def open(self, t_ns: int) -> None:
+        """Begin with a full store on a link opened at ``t_ns``."""
+        self._filled_ns, self._left = t_ns, self._burst()
+
+    def admit(self, samples: Sequence[Sample], t_ns: int) -> Sequence[Sample]:
+        """Return readings received at ``t_ns`` without the oldest that exceed the limit."""
+        if len(samples) > self._left:
+            refill = (t_ns - self._filled_ns) * 1e-9 * FLOOD_FACTOR * self.rate_hz
+            self._left, self._filled_ns = min(self._left + refill, self._burst()), t_ns
+            surplus = max(len(samples) - int(self._left), 0)
+            if surplus:
+                self.dropped += surplus
+                self.dropped_ns = t_ns
+                samples = samples[surplus:]
+        self._left -= len(samples)
+        return samples
+
+    def _burst(self) -> float:
+        return max(BURST_S * self.rate_hz, LEAST_BURST)
 
 
 def make_links(config: Config, freshness: Mapping[str, Freshness] = {}) -> dict[str, DeviceLink]:
