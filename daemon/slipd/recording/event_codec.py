@@ -7,7 +7,6 @@ else is decoded.
 
 from __future__ import annotations
 
-import threading
 import zlib
 from collections.abc import Callable
 from operator import itemgetter
@@ -81,16 +80,6 @@ _KINDS = {form.event_type: kind for kind, form in _FORMS.items()}
 _UNICODE_ERRORS = "surrogatepass"  # an error text of the system may contain undecodable bytes of a file name
 
 
-class _Packing(threading.local):
-    """A packer of each thread, because making one takes longer than packing, and threads must not share one."""
-
-    def __init__(self) -> None:
-        self.packer = msgpack.Packer(unicode_errors=_UNICODE_ERRORS)
-
-
-_PACKING = _Packing()
-
-
 def encode_event(n: int, t_ns: int, event: Event) -> bytes:
     """Return the payload of one event.
 
@@ -108,7 +97,7 @@ def encode_event(n: int, t_ns: int, event: Event) -> bytes:
         if whole[name] == value:
             del whole[name]
     whole["crc32"] = _NO_CRC
-    body: bytes = _PACKING.packer.pack(whole)[:-_CRC_BYTES]
+    body: bytes = msgpack.packb(whole, unicode_errors=_UNICODE_ERRORS)[:-_CRC_BYTES]
     return body + _crc(body)
 
 

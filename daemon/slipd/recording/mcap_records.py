@@ -38,8 +38,6 @@ ENTRY_LIMIT_BYTES = 2 * 1024 * 1024
 """Longest entry, bytes: 32 times the longest piece of bytes that a transport hands on."""
 RECORD_LIMIT_BYTES = 2 * ENTRY_LIMIT_BYTES
 """Longest record, bytes: a chunk has `slipd.recording.mcap_file.CHUNK_BYTES` and at most one entry more."""
-BLOCK_CHUNKS = 256
-"""Chunks whose entries are compressed together."""
 
 
 class DamageError(Exception):
@@ -226,42 +224,31 @@ class RecordStream:
             self._file.close()
 
 
-class PackedIndex:
-    """Entries of the index as bytes, which the library writes one after another."""
-
-    def __init__(self, data: bytes) -> None:
-        self._data = data
-
-    def write(self, stream: RecordBuilder) -> None:
-        """Write them."""
-        stream.write(self._data)
-
-
 class PackedChunkIndices:
-    """Keeps the index of the chunks small until it is written at the end.
+    """Keeps the index of the chunks compressed until it is written, once, at the end.
 
     The library keeps an object for each chunk, about 1 kB, and the recorder writes fourteen chunks a second. This takes
-    the place of its list, of which it uses `append` and iteration.
+    the place of its list, of which it uses `append` and iteration, and of the only item of that list.
     """
 
     def __init__(self) -> None:
-        self._blocks: list[bytes] = []
-        self._open: list[bytes] = []
+        self._compressor = zstandard.ZstdCompressor(level=1).compressobj()
+        self._packed = bytearray()
 
     def append(self, index: ChunkIndex) -> None:
         """Add the entry of a chunk."""
         builder = RecordBuilder()
         index.write(builder)
-        self._open.append(bytes(builder.end()))  # type: ignore[no-untyped-call]
-        if len(self._open) == BLOCK_CHUNKS:
-            self._blocks.append(trimmed(zstandard.compress(b"".join(self._open), level=1)))
-            self._open = []
+        self._packed += self._compressor.compress(bytes(builder.end()))  # type: ignore[no-untyped-call]
 
-    def __iter__(self) -> Iterator[PackedIndex]:
-        """Yield all entries, in order."""
-        for block in self._blocks:
-            yield PackedIndex(zstandard.decompress(block))
-        yield PackedIndex(b"".join(self._open))
+    def __iter__(self) -> Iterator[PackedChunkIndices]:
+        """Yield what writes all entries."""
+        yield self
+
+    def write(self, stream: RecordBuilder) -> None:
+        """Write all entries, in order."""
+        packed = bytes(self._packed) + self._compressor.flush()
+        stream.write(zstandard.ZstdDecompressor().decompressobj().decompress(packed))
 
 
 def trimmed(data: bytes) -> bytes:

@@ -117,7 +117,7 @@ class Recording:
 
     def events(self) -> Iterator[tuple[int, Event]]:
         """Yield ``(t_ns, event)`` of every event, in the order in which they entered the engine."""
-        return ((t_ns, content) for _, t_ns, _, content in self._pass() if not isinstance(content, bytes))
+        return ((t_ns, content) for _, t_ns, _, content in self.entries() if not isinstance(content, bytes))
 
     def messages(self, on_event: Callable[[int], object] = lambda _: None) -> Iterator[tuple[str, bytes]]:
         """Yield ``(topic, payload)`` of every published message, in the order in which they were published.
@@ -127,21 +127,21 @@ class Recording:
         Args:
             on_event: Called with the time of each event, ns, before the messages that it caused are yielded.
         """
-        for _, t_ns, topic, content in self._pass(decode=False):
+        for _, t_ns, topic, content in self.entries(decode=False):
             if isinstance(content, bytes):
                 yield topic, content
             else:
                 on_event(t_ns)
 
-    def entries(self) -> Iterator[Entry]:
+    def entries(self, *, decode: bool = True) -> Iterator[Entry]:
         """Yield events and messages in their total order, up to the first that cannot be read.
+
+        Args:
+            decode: Whether events are decoded, which takes more than half of a pass; otherwise ticks stand for them.
 
         Raises:
             RecordingError: The file cannot be opened.
         """
-        return self._pass()
-
-    def _pass(self, *, decode: bool = True) -> Iterator[Entry]:
         walk = EntryWalk(self.wall_minus_monotonic_ns, self.first, decode=decode)
         try:
             with open_mcap(self.path) as file:

@@ -172,14 +172,6 @@ class FixedLengthScanner(FrameScanner):
             return length if check(buffer, at) else NO_FRAME
 
         super().__init__(sync, measure, length, health, text=text)
-        self._check = check
-
-    def receive(self, data: bytes, t_ns: int | None = None) -> tuple[bytes, list[tuple[int, bool]]]:
-        """Scan the next bytes of the stream, see `FrameScanner.receive`; the usual read is one frame."""
-        fits = len(data) == self._length and not self._tail and not self._damage
-        if fits and data.startswith(self._sync) and self._check(data, 0):
-            return data, [(0, True)]
-        return super().receive(data, t_ns)
 
 
 MessageT = TypeVar("MessageT")
