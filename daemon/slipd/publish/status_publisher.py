@@ -141,7 +141,9 @@ class StatusPublisher:
             found += rig.gripper.conditions()
         elif owner == "arm" and rig.arm is not None:
             found += rig.arm.conditions()
-        if problem := self._not_restored.get(stream.name):
+        channel = self._rig.channels.get(stream.name)
+        tared = channel is not None and channel.tare.current.origin == "measured"
+        if not tared and (problem := self._not_restored.get(stream.name)):
             found.append((Health.OK, problem))
         return found
 

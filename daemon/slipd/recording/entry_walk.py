@@ -59,6 +59,7 @@ class EntryWalk:
     Attributes:
         lost: Number of entries missing so far.
         fault: Why entries are missing behind the last one; None where the recording ended with the run.
+        stopped: The recording is whole, and states itself that it ends before the run did.
         file_bytes: Size of the file.
         next_n: Index that the next entry has if none is missing.
     """
@@ -66,6 +67,7 @@ class EntryWalk:
     def __init__(self, wall_minus_monotonic_ns: int, first: int, *, decode: bool = True) -> None:
         self.lost = 0
         self.fault: str | None = "ends without an end record"
+        self.stopped = False
         self.file_bytes = 0
         self.next_n = first
         self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
@@ -151,7 +153,8 @@ class EntryWalk:
             raise DamageError(f"its end is damaged: {error}") from error
         self._skip_to(count)
         self.fault = None
-        if mcap_file.STOPPED in end.metadata:
+        self.stopped = mcap_file.STOPPED in end.metadata
+        if self.stopped:
             reason = end.metadata[mcap_file.STOPPED][:_REASON_LIMIT]
             self.fault = f"the recording stopped before the run did ({reason}); {self.lost} entries are missing"
 

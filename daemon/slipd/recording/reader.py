@@ -77,6 +77,7 @@ class Recording:
         first: Index of its first entry in the run.
         closed: Whether the file was closed in good order, by its last bytes.
         fault: Why a pass ended early; None if no pass did.
+        stopped: The file is whole, and states itself that it ends before the run did.
         lost: Number of entries that a pass found missing, as far as it can tell.
         size_bytes: Size of the file when the present pass began; 0 before the first.
         read_bytes: How much of it that pass has read.
@@ -90,6 +91,7 @@ class Recording:
     first: int
     closed: bool
     fault: str | None = None
+    stopped: bool = False
     lost: int = 0
     size_bytes: int = 0
     read_bytes: int = 0
@@ -152,7 +154,7 @@ class Recording:
         except (DamageError, OSError) as error:
             walk.fault = str(error)
         finally:  # also of a pass that its caller ends early
-            self.lost = max(self.lost, walk.lost)
+            self.lost, self.stopped = max(self.lost, walk.lost), walk.stopped
         self.fault = self.fault or (walk.fault and f"{self.path}: {walk.fault}")
 
 

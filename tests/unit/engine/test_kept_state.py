@@ -217,7 +217,13 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
     ),
     "a stored zero is not used where its device answers too late": (
         "held",
-        [restart(wait(3700_000), up(), feel(5.0), zero(None), said("the device answers too late for restart.gap_s"))],
+        [
+            restart(
+                wait(3700_000), up(), wrench(0.0), zero(None), said("the device answers too late for restart.gap_s"),
+                ask("tare", finger="left", seconds=0.01), wrench(0.0, times=20), zero("measured"),
+                status(streams={"left.wrench": {"message": ""}}),
+            )
+        ],
     ),
     "a stored zero replaces none that was measured meanwhile": (
         "held", [meanwhile_restored, feel(5.0), zero("measured")],

@@ -30,7 +30,8 @@ def info_command(path: Path, *, as_json: bool) -> bool:
     if as_json:
         print(json.dumps(found, ensure_ascii=False))
     else:
-        for line in _lines(found, repairable=recording.fault is not None or not recording.closed):
+        damaged = recording.fault is not None and not recording.stopped
+        for line in _lines(found, repairable=damaged or not recording.closed):
             print(printable(line))
     return recording.complete
 

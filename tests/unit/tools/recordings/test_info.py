@@ -71,4 +71,7 @@ def test_what_is_missing_is_stated_with_what_repairs_it_and_the_answer_is_no(
     (tmp_path / "cut.mcap").write_bytes(DEMO.read_bytes()[:-1000])
     assert main(["info", str(tmp_path / "cut.mcap")]) == 1
     assert f"slipd recover {tmp_path}/cut.mcap OUT writes all that is intact" in capsys.readouterr().out
+    assert main(["recover", str(tmp_path / "cut.mcap"), str(tmp_path / "whole.mcap")]) == 0
+    assert main(["info", str(tmp_path / "whole.mcap")]) == 1
+    assert "slipd recover" not in capsys.readouterr().out
     assert re.search(r"^gap: +nothing is known from (0\.99|1\.00)\d to (1\.99|2\.00)\d s$", shown, re.MULTILINE)
