@@ -24,7 +24,7 @@ from slipd.devices.shared.device_interface import check_integer
 from slipd.devices.shared.frame_scanner import FixedLengthScanner, FrameDecoder
 from slipd.devices.shared.sensor_session import SensorSession, Step
 from slipd.types.arrays import Array
-from slipd.types.samples import WrenchSample
+from slipd.types.samples import Sample, WrenchSample
 
 BANNER = b"App Init"
 
@@ -73,8 +73,7 @@ class Decoder(FrameDecoder):
             _HEADER, FRAME_LENGTH, checksums.x25_check(1, FRAME_LENGTH), self.health, text=_TEXT
         )
 
-    def receive(self, data: bytes, t_ns: int) -> list[WrenchSample]:
-        """Decode bytes received at ``t_ns``; return the readings they complete, in the sensor's frame."""
+    def _readings(self, data: bytes, t_ns: int) -> list[WrenchSample]:
         buffer, found = self._frames.receive(data, t_ns)
         self.text_passed = len(found) * FRAME_LENGTH != len(buffer)
         samples: list[WrenchSample] = []
@@ -90,7 +89,6 @@ class Decoder(FrameDecoder):
                 names = (*names, "invalid")
             samples.append(WrenchSample(t_ns, time_us * 1000, values[:3], values[3:], names))
             self.health.temperature_c = temperature_c
-        self.health.good += len(samples)
         return samples
 
 
@@ -173,7 +171,7 @@ class Session(SensorSession[Decoder]):
         self._text = b""
         return super().start(now_ns)
 
-    def receive(self, data: bytes, now_ns: int) -> list[WrenchSample]:
+    def receive(self, data: bytes, now_ns: int) -> Sequence[Sample]:
         """Decode bytes received at ``now_ns``; return the readings they complete."""
         samples = self.decoder.receive(data, now_ns)
         awaited = self.awaited

@@ -71,8 +71,7 @@ class Decoder(FrameDecoder):
         self._sequence = SequenceTracker(_SEQUENCE_SPAN, self.health, in_order=True)
         self._frames = FixedLengthScanner(_SYNC, FRAME_LENGTH, _checksum_matches, self.health)
 
-    def receive(self, data: bytes, t_ns: int) -> list[WrenchSample]:
-        """Decode bytes received at ``t_ns``; return the readings they complete, in the sensor's frame."""
+    def _readings(self, data: bytes, t_ns: int) -> list[WrenchSample]:
         buffer, found = self._frames.receive(data, t_ns)
         samples: list[WrenchSample] = []
         for at, _ in found:
@@ -84,7 +83,6 @@ class Decoder(FrameDecoder):
             if status & _INVALID:
                 words = (*words, "invalid")
             samples.append(WrenchSample(t_ns, time_us * 1000, values[:3], values[3:], words))
-        self.health.good += len(samples)
         return samples
 
     def forget(self) -> None:

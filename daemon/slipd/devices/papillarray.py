@@ -100,13 +100,10 @@ class Decoder(FrameDecoder):
         self._sequence = SequenceTracker(_COUNTER_SPAN, self.health, in_order=True)
         self.frames_found = 0
 
-    def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
-        """Decode bytes received at ``t_ns``; return the images they complete."""
+    def _readings(self, data: bytes, t_ns: int) -> list[TactileSample]:
         buffer, found = self._frames.receive(data)
         self.frames_found = len(found)
-        samples = [sample for at, _ in found for sample in self._samples(buffer[at + len(START) :], t_ns)]
-        self.health.good += len(samples)
-        return samples
+        return [sample for at, _ in found for sample in self._samples(buffer[at + len(START) :], t_ns)]
 
     def forget(self) -> None:
         """Drop a partial frame and the expected counter, because the line was closed."""

@@ -68,8 +68,7 @@ class Decoder(FrameDecoder):
         self._open = False  # whether every row of the scan so far has arrived
         self._counts: list[bytes] = []
 
-    def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
-        """Decode bytes received at ``t_ns``; return the scans they complete."""
+    def _readings(self, data: bytes, t_ns: int) -> list[TactileSample]:
         buffer, found = self._frames.receive(data)
         samples: list[TactileSample] = []
         for at, _ in found:
@@ -81,7 +80,6 @@ class Decoder(FrameDecoder):
                 self._counts.append(buffer[counts_at : counts_at + self._row_bytes])
                 if row == self._rows - 1:
                     samples.append(self._complete(t_ns))
-        self.health.good += len(samples)
         return samples
 
     def forget(self) -> None:

@@ -95,11 +95,9 @@ class Decoder(FrameDecoder):
         self._counts_per_unit = np.repeat((COUNTS_PER_N, torque_divider), 3)
         self._frames = FixedLengthScanner(SYNC, RESPONSE_LENGTH, is_valid_response, self.health)
 
-    def receive(self, data: bytes, t_ns: int) -> list[WrenchSample]:
-        """Decode bytes received at ``t_ns``; return the readings they complete, in the sensor's frame."""
+    def _readings(self, data: bytes, t_ns: int) -> list[WrenchSample]:
         buffer, found = self._frames.receive(data, t_ns)
         samples: list[WrenchSample] = []
-        self.replies = []
         for at, in_sync in found:
             if buffer[at + 1] not in READINGS:
                 self.replies.append((buffer[at + 1], buffer[at + 2 : at + 17]))
@@ -113,7 +111,6 @@ class Decoder(FrameDecoder):
             values = (np.array(counts) / self._counts_per_unit).tolist()
             is_in_range = not overload and _RAILS.isdisjoint(counts)
             samples.append(WrenchSample(t_ns, None, values[:3], values[3:], () if is_in_range else ("overload",)))
-        self.health.good += len(samples)
         return samples
 
 

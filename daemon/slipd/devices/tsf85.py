@@ -71,11 +71,9 @@ class Decoder(FrameDecoder):
         self._newest: dict[int, tuple[bytes, int]] = {}  # by finger: array of the last sample, and its time of receipt
         self._frames = FrameScanner(_SYNC, _measure, _TYPICAL_LENGTH, self.health)
 
-    def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
-        """Decode bytes received at ``t_ns``; return the images they complete."""
+    def _readings(self, data: bytes, t_ns: int) -> list[TactileSample]:
         buffer, found = self._frames.receive(data)
         samples: list[TactileSample] = []
-        self.replies = []
         for at, in_sync in found:
             packet = buffer[at : at + _HEAD_LENGTH + buffer[at + 3]]
             if in_sync:
@@ -86,7 +84,6 @@ class Decoder(FrameDecoder):
             else:
                 self.health.bad += self._unconfirmed is not None
                 self._unconfirmed = packet, t_ns
-        self.health.good += len(samples)
         return samples
 
     def forget(self) -> None:

@@ -73,11 +73,8 @@ class Decoder(FrameDecoder):
         self._sequence = SequenceTracker(_NUMBER_SPAN, self.health, late_within=0)
         self._newest: dict[str, tuple[object, object]] = {}  # time and values of each sensor, as sent
 
-    def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
-        """Decode bytes received at ``t_ns``; return the readings they complete."""
-        samples = [sample for message in self._frames.messages(data) for sample in self._decode(message, t_ns)]
-        self.health.good += len(samples)
-        return samples
+    def _readings(self, data: bytes, t_ns: int) -> list[TactileSample]:
+        return [sample for message in self._frames.messages(data) for sample in self._decode(message, t_ns)]
 
     def forget(self) -> None:
         """Drop a partial message and the expected sequence numbers, because the line was closed."""

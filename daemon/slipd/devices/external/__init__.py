@@ -47,11 +47,8 @@ class Decoder(FrameDecoder):
         self._frames = MessageScanner(_BEGIN, read, self.health)
         self._sequences: dict[str, SequenceTracker] = {}
 
-    def receive(self, data: bytes, t_ns: int) -> list[Reading]:
-        """Decode bytes received at ``t_ns``; return the readings they complete."""
-        samples = [_sample(body, t_ns) for body in self._frames.messages(data) if self._is_new(body)]
-        self.health.good += len(samples)
-        return samples
+    def _readings(self, data: bytes, t_ns: int) -> list[Reading]:
+        return [_sample(body, t_ns) for body in self._frames.messages(data) if self._is_new(body)]
 
     def forget(self) -> None:
         """Drop a partial message and the expected sequence numbers, because the line was closed."""

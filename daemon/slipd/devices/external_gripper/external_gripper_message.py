@@ -161,11 +161,8 @@ class Decoder(FrameDecoder):
         super().__init__()
         self._frames = MessageScanner(_BEGIN, read, self.health)
 
-    def receive(self, data: bytes, t_ns: int) -> list[GripperSample]:
-        """Decode bytes received at ``t_ns``; return the readings they complete."""
-        samples = [sample(message, t_ns) for message in self.messages(data) if isinstance(message, Report)]
-        self.health.good += len(samples)
-        return samples
+    def _readings(self, data: bytes, t_ns: int) -> list[GripperSample]:
+        return [sample(message, t_ns) for message in self.messages(data) if isinstance(message, Report)]
 
     def messages(self, data: bytes) -> list[Message]:
         """Decode bytes; return every message they complete."""

@@ -111,8 +111,7 @@ class Decoder(FrameDecoder):
             if self._internal_hz and calibration.internal_hz:
                 self._internal_hz = calibration.internal_hz
 
-    def receive(self, data: bytes, t_ns: int) -> list[WrenchSample]:
-        """Decode bytes received at ``t_ns``; return the readings they complete, in the sensor's frame."""
+    def _readings(self, data: bytes, t_ns: int) -> list[WrenchSample]:
         heads, counts = self._frames.records(data)
         if self._per_count is None:
             self.health.bad += len(heads)
@@ -121,7 +120,7 @@ class Decoder(FrameDecoder):
             self.health.warning = MONITOR if heads[-1][1] >> 16 & 1 else self._warning
         values = (counts * self._per_count).tolist()
         tick_ns = 1e9 / self._internal_hz if self._internal_hz else 0.0
-        samples = [
+        return [
             WrenchSample(
                 t_ns,
                 round(ticks * tick_ns) if tick_ns else None,
@@ -131,8 +130,6 @@ class Decoder(FrameDecoder):
             )
             for (ticks, status), row in zip(heads, values, strict=True)
         ]
-        self.health.good += len(samples)
-        return samples
 
 
 @lru_cache(maxsize=64)  # a condition lasts for many records, and few exist at a time

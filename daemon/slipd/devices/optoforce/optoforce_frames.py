@@ -201,11 +201,8 @@ class Decoder(FrameDecoder):
         if self._sequence:
             self._sequence.forget()
 
-    def receive(self, data: bytes, t_ns: int) -> list[WrenchSample]:
-        """Decode bytes received at ``t_ns``; return the readings they complete, in the sensor's frame."""
-        samples = self._decode(data, t_ns)
-        self.health.good += len(samples)
-        return samples
+    def _readings(self, data: bytes, t_ns: int) -> list[WrenchSample]:
+        return self._decode(data, t_ns)
 
     def _decode_records(self, data: bytes, t_ns: int) -> list[WrenchSample]:
         heads, counts = self._records.records(data)
@@ -218,7 +215,6 @@ class Decoder(FrameDecoder):
     def _decode_frames(self, data: bytes, t_ns: int) -> list[WrenchSample]:
         buffer, found = self._frames.receive(data, t_ns)
         samples: list[WrenchSample] = []
-        self.replies = []
         for at, _ in found:
             header = buffer[at : at + HEADER]
             if header in _ANSWERS:

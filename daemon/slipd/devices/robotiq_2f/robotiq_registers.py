@@ -111,10 +111,8 @@ class Decoder(FrameDecoder):
         super().__init__()
         self._frames = FixedLengthScanner(bytes((unit,)), _STATUS_LENGTH, _is_status, self.health)
 
-    def receive(self, data: bytes, t_ns: int) -> list[GripperSample]:
-        """Decode bytes received at ``t_ns``; return the status readings they complete."""
+    def _readings(self, data: bytes, t_ns: int) -> list[GripperSample]:
         buffer, found = self._frames.receive(data)
-        self.health.good += len(found)
         return [parse_status(_STATUS.unpack_from(buffer, at + _STATUS_AT), t_ns, None) for at, _ in found]
 
 

@@ -221,7 +221,7 @@ class MessageScanner(FrameScanner, Generic[MessageT]):
 
 
 class FrameDecoder(ABC):
-    """Base of decoders that find frames by a scanner; a subclass sets ``_frames``.
+    """Base of decoders that find frames by a scanner; a subclass sets ``_frames`` and implements `_readings`.
 
     Attributes:
         health: Its counts.
@@ -234,9 +234,16 @@ class FrameDecoder(ABC):
         self.health = DecoderHealth()
         self.replies: list[tuple[object, bytes]] = []
 
-    @abstractmethod
     def receive(self, data: bytes, t_ns: int) -> Sequence[Sample]:
-        """Decode bytes received at ``t_ns``; return the readings they complete."""
+        """Decode bytes received at ``t_ns``; return the readings they complete, in the sensor's own frame."""
+        self.replies = []
+        samples = self._readings(data, t_ns)
+        self.health.good += len(samples)
+        return samples
+
+    @abstractmethod
+    def _readings(self, data: bytes, t_ns: int) -> Sequence[Sample]:
+        """Return the readings that the next bytes complete; pass answers to ``replies``."""
 
     def forget(self) -> None:
         """Drop a partial frame, because the line was closed."""

@@ -63,17 +63,14 @@ class TactileDecoder(FrameDecoder, ABC):
         self._seed = seed
         self._frames = PacketScanner(seed, self._accepts, typical, self.health, text=text)
 
-    def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
-        """Decode bytes received at ``t_ns``; return the images they complete."""
+    def _readings(self, data: bytes, t_ns: int) -> list[TactileSample]:
         samples: list[TactileSample] = []
-        self.replies = []
         for packet in self._frames.packets(data, t_ns):
             if packet.id == FRAME:
                 time_ms, flags = _FRAME_HEAD.unpack_from(packet.payload)
                 samples += self._samples(bool(flags & RLE), _words(packet.payload), t_ns, time_ms * 1_000_000)
             else:
                 self.replies.append(packet)
-        self.health.good += len(samples)
         return samples
 
     def _accepts(self, packet_id: int, size: int, payload: bytes) -> bool:

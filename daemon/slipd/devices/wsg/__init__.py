@@ -63,8 +63,7 @@ class Decoder(FrameDecoder):
         self._newest: dict[int, tuple[int, bytes]] = {}  # by id: number and data of the update
         self._count = 0  # of updates
 
-    def receive(self, data: bytes, t_ns: int) -> list[GripperSample]:
-        """Decode bytes received at ``t_ns``; return the readings they complete."""
+    def _readings(self, data: bytes, t_ns: int) -> list[GripperSample]:
         samples = (self.decode_reply(reply, t_ns) for reply in self.messages(data))
         return [sample for sample in samples if sample is not None]
 
@@ -95,7 +94,6 @@ class Decoder(FrameDecoder):
         parts = {update: data for update, (number, data) in self._newest.items() if self._count - number < _NEWEST}
         if len(parts) < len(wire.UPDATES):
             return None
-        self.health.good += 1
         self.words = wire.parse_state(reply.data)
         return GripperSample(
             t_ns=t_ns,
@@ -262,6 +260,7 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
         return ""
 
     def _handle_sample(self, sample: GripperSample, now_ns: int) -> None:
+        self.health.good += 1
         self._startup.reading_received(now_ns)
         referenced, fault = sample.active, sample.fault
         if self._startup.state == "running":

@@ -43,10 +43,8 @@ class Decoder(FrameDecoder):
         # a frame has no first byte of its own: every place is tried
         self._frames = FixedLengthScanner(b"", 16 * magnetometers + len(END), self._is_frame, self.health)
 
-    def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
-        """Return the images that bytes received at ``t_ns`` complete."""
+    def _readings(self, data: bytes, t_ns: int) -> list[TactileSample]:
         buffer, found = self._frames.receive(data)
-        self.health.good += len(found)
         fields = (self._values(buffer, at)[:, 1:].astype(np.float64) for at, _ in found)
         return [TactileSample(t_ns, None, field_ut, ("raw",)) for field_ut in fields]
 

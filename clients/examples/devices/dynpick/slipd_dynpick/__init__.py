@@ -45,10 +45,8 @@ class Decoder(FrameDecoder):
         # a reply has no first byte of its own: every place is tried
         self._frames = FixedLengthScanner(b"", REPLY_LENGTH, _is_reply, self.health)
 
-    def receive(self, data: bytes, t_ns: int) -> list[WrenchSample]:
-        """Return the readings that bytes received at ``t_ns`` complete, in the sensor frame."""
+    def _readings(self, data: bytes, t_ns: int) -> list[WrenchSample]:
         buffer, found = self._frames.receive(data)
-        self.health.good += len(found)
         return [self._sample(buffer[at : at + REPLY_LENGTH], t_ns) for at, _ in found]
 
     def _sample(self, reply: bytes, t_ns: int) -> WrenchSample:
