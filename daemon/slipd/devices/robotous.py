@@ -175,32 +175,27 @@ class Session(SensorSession[Decoder]):
         self.health.note = ""
         return super().start(now_ns)
 
-    def _compare_rate(self, content: bytes) -> str:
+    def _compare_rate(self, content: bytes) -> None:
         if content[0] < len(RATES_HZ) and RATES_HZ[content[0]] == self._output_hz:
             self.skip_next()
-        return ""
 
-    def _confirm_rate(self, content: bytes) -> str:
+    def _confirm_rate(self, content: bytes) -> None:
         if refusal := _refusal("rate", content):
             self.health.note = f"{refusal}; it keeps its own rate, and sends at most {CARRIED_HZ} Hz at 115200 bit/s"
-        return ""
 
-    def _compare_filter(self, content: bytes) -> str:
+    def _compare_filter(self, content: bytes) -> None:
         if content[:2] == self._filter or not (content[0] or self._filter[0]):
             self.skip_next()
-        return ""
 
-    def _read_product(self, content: bytes) -> str:
+    def _read_product(self, content: bytes) -> None:
         self._product = parse_name(content)
-        return ""
 
-    def _read_serial(self, content: bytes) -> str:
+    def _read_serial(self, content: bytes) -> None:
         self.identity = f"{self._product} {parse_name(content)}".strip()
-        return ""
 
 
 def _request(
-    name: str, number: int, handle: Callable[[bytes], str], arguments: bytes = b"", answer: str = "optional"
+    name: str, number: int, handle: Callable[[bytes], str | None], arguments: bytes = b"", answer: str = "optional"
 ) -> Step:
     return Step(name, encode_command(number, arguments), answer, reply=number, handle=handle)
 

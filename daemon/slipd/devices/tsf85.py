@@ -180,9 +180,8 @@ class Session(SensorSession[Decoder]):
         ]
         super().__init__(Decoder(timestamp_unit_ns), steps, stop)
 
-    def _handle_version(self, content: bytes) -> str:
+    def _handle_version(self, content: bytes) -> None:
         self.identity = content.decode("ascii").strip("\0\r\n ")
-        return ""
 
 
 DEVICE = Device(

@@ -93,9 +93,8 @@ class Session(TactileSession[Decoder]):
         ]
         super().__init__(Decoder(), steps, stop, interval_ms * 1_000_000)
 
-    def _handle_system(self, payload: bytes) -> str:
+    def _handle_system(self, payload: bytes) -> None:
         self.identity = f"S/N {SYSTEM_FIELDS.unpack(payload)[4]}"
-        return ""
 
     def _handle_matrix(self, payload: bytes) -> str:
         _, cols, rows, _, _, full_scale = MATRIX_FIELDS.unpack(payload)

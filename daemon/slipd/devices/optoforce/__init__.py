@@ -75,10 +75,9 @@ class Session(SensorSession[Decoder]):
             stop = rdt.encode_request(rdt.STOP)
         super().__init__(decoder, steps, stop)
 
-    def _read_serial(self, body: bytes) -> str:
+    def _read_serial(self, body: bytes) -> None:
         serial = strip_padding(body)
         self.identity = f"S/N {serial}" if serial else ""
-        return ""
 
 
 DEVICE = Device(

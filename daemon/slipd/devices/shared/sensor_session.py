@@ -37,7 +37,7 @@ class Step:
             never answered.
         attempts: Number of times the request is sent without an answer.
         reply: What its answer begins with in the ``replies`` of the decoder, such as the number of the command.
-        handle: ``handle(content)`` uses the answer, and returns what is wrong with it, "" if the device obeys.
+        handle: ``handle(content)`` uses the answer, and returns what is wrong with it, "" or None if the device obeys.
     """
 
     name: str
@@ -46,7 +46,7 @@ class Step:
     pause_ns: int = 0
     attempts: int = ATTEMPTS
     reply: object = None
-    handle: Callable[[bytes], str] = lambda _: ""
+    handle: Callable[[bytes], str | None] = lambda _: None
 
 
 class StartupSequence:
@@ -128,12 +128,13 @@ class StartupSequence:
             self._due_ns = now_ns + (step.pause_ns or ANSWER_NS)
         return step.request
 
-    def handle_answer(self, now_ns: int, error: str = "") -> None:
+    def handle_answer(self, now_ns: int, error: str | None = None) -> None:
         """Handle the answer to the awaited request.
 
         Args:
             now_ns: Time of receipt.
-            error: What is wrong with the answer, for people, so that the request is repeated; "" if the device obeys.
+            error: What is wrong with the answer, for people, so that the request is repeated; "" or None if the device
+                obeys.
         """
         if error:
             self.state = error

@@ -144,7 +144,7 @@ def query(
     name: str,
     request: bytes,
     *,
-    handle: Callable[[bytes], str] = lambda _: "",
+    handle: Callable[[bytes], str | None] = lambda _: None,
     tolerates: Collection[int] = (),
     attempts: int = ATTEMPTS,
 ) -> Step:
@@ -155,13 +155,13 @@ def query(
         words: Meaning of the device's status numbers.
         name: Its name, for people.
         request: Its packet, whose id is that of the answer.
-        handle: ``handle(payload)`` uses the answer, and returns what is wrong with it, "" if nothing is.
+        handle: ``handle(payload)`` uses the answer, and returns what is wrong with it, "" or None if nothing is.
         tolerates: Status numbers other than 0 that are accepted.
         attempts: Number of times it is sent without an answer.
     """
     reply_id = request[len(PREAMBLE)]
 
-    def check(payload: bytes) -> str:
+    def check(payload: bytes) -> str | None:
         code = int.from_bytes(payload[:_STATUS_BYTES], "little")
         if code and code not in tolerates:
             return f"refused {name}: {status_word(code, words)}"

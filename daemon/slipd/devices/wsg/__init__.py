@@ -245,7 +245,7 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
         if reply.id == wire.HOME and reply.status != wire.PENDING:
             self._handle_event(Event.ACTIVATION_ENDED)
 
-    def _handle_limits(self, data: bytes) -> str:
+    def _handle_limits(self, data: bytes) -> None:
         limits = wire.parse_limits(data)
         self._set_ranges(
             (0.0, limits.stroke_mm / 1000),
@@ -253,11 +253,9 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
             (limits.min_speed / 1000, limits.max_speed / 1000),
         )
         self._queue.usual_speed_mps = limits.max_speed / 1000 / 2
-        return ""
 
-    def _handle_system(self, data: bytes) -> str:
+    def _handle_system(self, data: bytes) -> None:
         self.identity = f"S/N {wire.SYSTEM_FIELDS.unpack(data)[3]}"
-        return ""
 
     def _handle_sample(self, sample: GripperSample, now_ns: int) -> None:
         self.health.good += 1
