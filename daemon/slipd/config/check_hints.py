@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import itertools
 import math
 import re
@@ -169,7 +168,7 @@ def _option(device: Device, options: Mapping[str, Any]) -> float | None:
     if device.rate_option is None:
         return None
     name = device.rate_option.name
-    return float(options.get(name, inspect.signature(device.session or device.decoder).parameters[name].default))
+    return float(options.get(name, device.parameters()[name].default))
 
 
 def _accepts(device: Device, stream: Stream, name: str, value: float) -> bool:

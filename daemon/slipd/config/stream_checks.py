@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Iterator
 from urllib.parse import urlsplit
 
@@ -206,8 +207,14 @@ def _option_fault(stream: Stream, device: Device) -> Fault | None:
         return "options", f"must not contain {' and '.join(misplaced)}: write them as keys of the pad"
     if device.needs_wiring and "wiring" in stream.options:
         return "options.wiring", "must be left out: the address in port determines it"
+    options = device_options(stream)
     try:
-        made = (device.session or device.decoder)(**device_options(stream))
+        known = sorted(device.parameters().keys() - (options.keys() - stream.options.keys()))
+        if unknown := sorted(stream.options.keys() - set(known)):
+            near = difflib.get_close_matches(unknown[0], known, n=1)
+            hint = f"did you mean {near[0]!r}?" if near else f"it has {', '.join(known) or 'none'}"
+            return f"options.{unknown[0]}", f"unknown option of {device.name}; {hint}"
+        made = (device.session or device.decoder)(**options)
     except (TypeError, ValueError, OverflowError) as error:
         return "options", str(error)
     except ZeroDivisionError:  # two rows of a table are equal, which `gripper_faults` reports

@@ -86,17 +86,10 @@ def _package(each: Installed) -> str:
 
 def options_of(device: Device) -> Iterator[tuple[str, str, str, str]]:
     """Yield option, type, default and meaning of every option of a device."""
-    for option, parameter in _parameters(device).items():
-        annotation = str(parameter.annotation)
-        yield f"`{option}`", _TYPES.get(annotation, annotation), _default(parameter), _text(device, option)
-
-
-def _parameters(device: Device) -> dict[str, Parameter]:
-    """Return the options of a device: those of its session, and those that it hands on to the decoder."""
-    found = dict(inspect.signature(device.session or device.decoder).parameters)
-    if any(each.kind is Parameter.VAR_KEYWORD for each in found.values()):
-        found = dict(inspect.signature(device.decoder).parameters) | found
-    return {name: each for name, each in found.items() if name not in _KEYS and each.kind is not Parameter.VAR_KEYWORD}
+    for option, parameter in device.parameters().items():
+        if option not in _KEYS:
+            annotation = str(parameter.annotation)
+            yield f"`{option}`", _TYPES.get(annotation, annotation), _default(parameter), _text(device, option)
 
 
 def _text(device: Device, option: str) -> str:

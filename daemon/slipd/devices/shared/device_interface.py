@@ -5,9 +5,11 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from inspect import Parameter
 from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
@@ -218,6 +220,13 @@ class Device:
     emulator: str = ""
     about: str = ""
     interface: int | None = None
+
+    def parameters(self) -> dict[str, Parameter]:
+        """Return the parameters of the session, and those that it hands on to the decoder; without one, of this."""
+        found = dict(inspect.signature(self.session or self.decoder).parameters)
+        if any(each.kind is Parameter.VAR_KEYWORD for each in found.values()):
+            found = dict(inspect.signature(self.decoder).parameters) | found
+        return {name: each for name, each in found.items() if each.kind is not Parameter.VAR_KEYWORD}
 
 
 @dataclass(slots=True)
