@@ -95,6 +95,8 @@ class Engine:
         rig = Rig(config, boot, self.wall)
         self._fingers, self._links, self._gripper = rig.fingers, rig.links, rig.gripper
         self._arm, self._lateness = rig.arm, rig.lateness
+        self._suspended_ns: int | None = None  # as of the last tick
+        self._released = False  # as of the last reading of the gripper
         self._clocks = [stream.clock for link in rig.links.values() for stream in link.streams.values()]
         self._motion, self.kept = HeldMotion(rig), KeptState(rig)
         self._recordings = RecordingState(boot, self.wall)
@@ -103,8 +105,6 @@ class Engine:
         self._status = StatusPublisher(rig, self._recordings, self.kept.problems, sequencer)
         self._handlers = RequestHandlers(rig, self._recordings, self._status.body)
         self._readers = {name: self._reader(name) for name in config.streams()}
-        self._suspended_ns: int | None = None
-        self._released = False  # as of the last reading of the gripper
         self._set_deadlines(rig, config.rates.grasp_hz)
 
     def _set_deadlines(self, rig: Rig, grasp_hz: float) -> None:
@@ -220,9 +220,7 @@ class Engine:
     def _handle_images(self, publisher: FingerPublisher, read: Read, t_ns: int, out: list[Output]) -> None:
         finger, arrival = publisher.finger, read.arrival
         for sample, acquired_ns in zip(read.samples, read.times_ns, strict=True):
-            batch = finger.update_image(sample, acquired_ns, arrival)
-            if batch is not None:
-                self._publish_batches(publisher, (batch,), t_ns, out)
+            self._publish_batches(publisher, finger.update_image(sample, acquired_ns, arrival), t_ns, out)
             publisher.publish_image(acquired_ns, out)
             self._report_motion(self._motion.update_image(finger), t_ns, out)
             if arrival.waited_ns:

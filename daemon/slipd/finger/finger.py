@@ -98,7 +98,7 @@ class Finger:
         self._in_force: tuple[WrenchUncertainty, bool | None]
         self._in_force = WrenchUncertainty() if self.force is None else self.force.noise, None
         self._zeros = [channel.tare.current for channel in self.channels.values()]
-        self._image_fault, self._image_teaches, self._image_until_ns = "", False, -1
+        self._image_fault, self._image_teaches = "", False
         for channel in self.channels.values():
             channel.tare.on_change.append(self._follow_tares)
         self._follow_tares()
@@ -148,7 +148,7 @@ class Finger:
 
     def update_image(
         self, sample: TactileSample, acquired_ns: int | None = None, arrival: Arrival = PROMPT
-    ) -> VerdictBatch | None:
+    ) -> tuple[VerdictBatch, ...]:
         """Update with an image.
 
         Args:
@@ -157,11 +157,11 @@ class Finger:
             arrival: How it reached the daemon.
 
         Returns:
-            The verdict where three-axis taxels are what measures the force; else None.
+            The verdict on it where three-axis taxels are what measures the force; else none.
         """
         image, check = self.image, self._check
         if image is None:
-            return None
+            return ()
         t_ns, normal_n, summary = sample.t_ns if acquired_ns is None else acquired_ns, None, NO_SUMMARY
         before_ns = t_ns if image.t_ns is None else image.t_ns
         if check is not None:
@@ -173,7 +173,7 @@ class Finger:
             self.found = self._look_for_motion(self.motion, image, check, before_ns, t_ns)
         readings = image.force_reading(sample, t_ns) if self.force is None and image.three_axis else None
         self._follow_image()
-        return None if readings is None else self._judge(readings, arrival)
+        return () if readings is None else (self._judge(readings, arrival),)
 
     def _look_for_motion(
         self, motion: ImageShift, image: ImageChannel, check: ForceImageCheck, before_ns: int, t_ns: int
@@ -197,10 +197,7 @@ class Finger:
             sure = force.watch.rests or not force.watch.suspect
             if force.mass_kg > 0.0:
                 self._set_uncertainty(force.uncertainty(newest_ns))
-        if arrival.waited_ns or arrival.unread_ns is not None:
-            serves = self.image is not None and self.image.serves(newest_ns, received_ns, arrival)
-        else:
-            serves = received_ns <= self._image_until_ns
+        serves = self.image is not None and self.image.serves(newest_ns, received_ns, arrival)
         batch = self._estimator.estimate(
             readings,
             self.image if serves else None,
@@ -247,10 +244,10 @@ class Finger:
             self._estimator.set_uncertainty(uncertainty, zero_known=self.zero_known)
 
     def _follow_image(self) -> None:
-        """Note until when the newest image serves, whether readings beside it teach friction, and what is wrong."""
+        """Note what is wrong with the newest image, and whether readings beside it teach friction."""
         image = self.image
         if image is not None:
-            self._image_until_ns, self._image_fault = image.fresh_until_ns, image.fault
+            self._image_fault = image.fault
             reliable = image.is_reliable(at_rest=True) and not image.taxel_health.saturates
             self._image_teaches = reliable and not self._taring
 
@@ -291,7 +288,7 @@ class Finger:
         force_ns, image = since_ns + self.freshness.stale_ns, self.image
         if image is None or (image.reasons == STALE and not self._needs_image()):
             return force_ns
-        return min(force_ns, self._image_until_ns)
+        return min(force_ns, image.fresh_until_ns)
 
     def expire_image(self, t_ns: int, unread_ns: int | None) -> bool:
         """Return whether the newest image just became too old, see `check_silence`; True once for each image."""

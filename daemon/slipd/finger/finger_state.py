@@ -28,7 +28,7 @@ from slipd.friction.friction_state import FrictionState
 from slipd.fusion import Contact, Utilisation, grey_loads
 from slipd.fusion.hull import Outline
 from slipd.fusion.loads import active_loads
-from slipd.fusion.rows import FREE, LATE, PULLED, STABLE, TOUCHING, UNKNOWN, UNTRUSTED, Rows
+from slipd.fusion.rows import FREE, LATE, PULLED, TOUCHING, UNKNOWN, UNTRUSTED, Rows
 from slipd.fusion.streaming import assessment_at, contact_at, utilisation_at, wrench_at
 from slipd.fusion.verdict_numbers import UNKNOWN_NUMBERS, find_numbers
 from slipd.motion.evidence import evidence_names
@@ -272,10 +272,10 @@ class VerdictBatch:
         """Return the verdict on reading k, which touches."""
         if self.disagreement and k < self.ends_at:
             return Verdict("unknown", ("disagreement", *self.disagreement))
-        level, found, friction = self.levels[k], GRIP_HOLDS, self.frictions[k]
-        if level != STABLE + 1:
+        level, found, friction = LEVELS[self.levels[k]], GRIP_HOLDS, self.frictions[k]
+        if level != GRIP_HOLDS.level:
             judged, ratio = assessment_at(self.readings.rows, k), contact_at(self.readings.rows, k).friction_ratio
-            found = contact_verdict(judged, LEVELS[level], state.utilisation, ratio, friction.mu, self.caution)
+            found = contact_verdict(judged, level, state.utilisation, ratio, friction.mu, self.caution)
         if self.load_distribution is None and self.image_fault:
             return Verdict(found.level, (self.image_fault, *found.reasons))
         return found

@@ -182,6 +182,8 @@ class ImageChannel:
 
     def is_fresh(self, t_ns: int, unread_ns: int | None) -> bool:
         """Return whether there is an image that is not too old, nor was when it came; see `Freshness.is_stale`."""
+        if unread_ns is None:
+            return t_ns <= self.fresh_until_ns
         return self.t_ns is not None and not self.freshness.late and not self.freshness.is_stale(t_ns, unread_ns)
 
     def serves(self, acquired_ns: int, received_ns: int, arrival: Arrival) -> bool:

@@ -64,7 +64,7 @@ def test_finger_refuses_streams_that_it_does_not_have(left: str, right: str, par
     with pytest.raises(ValueError, match="finger right has no force sensor"):
         read_force(sensorless, WrenchSample(T0, None, np.zeros(3), np.zeros(3)))
     padless.disconnect_image()
-    assert padless.update_image(TactileSample(T0, None, np.zeros(16))) is None
+    assert padless.update_image(TactileSample(T0, None, np.zeros(16))) == ()
     assert list(padless.channels) == ["wrench"]
 
 
@@ -94,7 +94,7 @@ def test_a_reading_that_its_sensor_marks_is_unknown(press: Press, word: str) -> 
 
 def test_N1_a_three_axis_image_that_is_not_finite_is_unknown(right: str, parse: Parse) -> None:
     image = TactileSample(T0, None, np.full((4, 3), math.nan))
-    (state,) = make_finger(right, parse, "right").update_image(image)
+    ((state,),) = make_finger(right, parse, "right").update_image(image)
     assert (verdict(state), state.wrench) == (NOT_FINITE, None)
 
 

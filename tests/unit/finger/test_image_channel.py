@@ -84,7 +84,7 @@ def test_T1_masked_three_axis_taxels_are_replaced_by_their_neighbours(right: str
     for k in range(120):
         counts = np.tile((0.0, 0.0, 500.0 + 100.0 * math.sin(0.5 * k)), (16, 1)) + rng.normal(0.0, 3.0, (16, 3))
         counts[6] = (9000.0, 9000.0, 65535.0)
-        batch = finger.update_image(TactileSample(T0 + k * 10 * MS, None, counts))
+        (batch,) = finger.update_image(TactileSample(T0 + k * 10 * MS, None, counts))
     (state,) = batch
     assert taxel_faults(finger) == {"saturated": [6]}
     assert abs(state.wrench[0]) < 0.1
