@@ -123,7 +123,7 @@ def test_what_was_changed_before_the_emulation_was_killed_is_kept_at_its_next_st
         f"ls -A rig; echo mine >rig/rig.toml; {emulate} </dev/null; echo $?; cat rig/rig.toml",
     )
     kept = tmp_path / "rig.commissioned.toml"
-    told = f"changed before the last emulation was killed: with your ports, the config is kept as {kept}"
+    told = f"the config was changed before the last emulation was killed; it is kept, with your ports, as {kept}"
     assert done.stdout.splitlines() == ["1", "0", told, "1", "mine"], done.stderr
     assert kept.read_text(encoding="utf-8") == RIG.replace("sign = -1", "sign = 1  # slipd commission")
     assert "rig: an emulation runs there; end it, or give another --dir" in done.stderr

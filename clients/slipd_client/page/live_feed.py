@@ -225,7 +225,7 @@ class LiveFeed:
         if self._requests is None:
             while True:
                 await asked.get()
-                await _reply(connection, refused("this view only shows: it was started without buttons"))
+                await _reply(connection, refused("this view takes no requests: it was started without buttons"))
         await connection.send(json.dumps({"permission": await self._requests.permission()}))
         while True:
             text = await asked.get()

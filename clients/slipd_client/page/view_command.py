@@ -161,7 +161,7 @@ async def view(
         commission: Serves the page ``/commission``; None: the live view has no such page.
 
     Raises:
-        CallError: An endpoint is wrong, the port cannot be opened, or a page that only shows is to press pads.
+        CallError: An endpoint is wrong, the port cannot be opened, or a page without buttons is to press pads.
     """
     allowed = address.loopback if buttons is None else buttons
     if emulation is not None and not allowed:

@@ -318,7 +318,7 @@ async def test_buttons_are_for_this_machine_only_unless_they_are_asked_for(
         async with browser(url) as socket:
             await socket.send(json.dumps({"do": "adjust", "delta_n": 1.0}))
             said = (await reply(socket, "reply"))["text"]
-            assert ("only shows" in said, "nobody accepts requests" in said) == (not allowed, allowed)
+            assert ("takes no requests" in said, "nobody accepts requests" in said) == (not allowed, allowed)
         with suppress(*[] if allowed else [InvalidStatus]):
             async with browser(url, "/commission-guide") as guide:
                 assert allowed

@@ -30,7 +30,7 @@ const hand = new Hand((touch) => source.touch(touch), showReply);
 
 let link = "waiting";
 let linkText = "";
-let permission = settings.buttons ? "" : "this view only shows";
+let permission = settings.buttons ? "" : "this view takes no requests";
 let wanted = false;
 let frames = 0;
 

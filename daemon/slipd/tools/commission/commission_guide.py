@@ -22,7 +22,6 @@ from slipd.tools.commission.dialogue import (
     Skipped,
     Steps,
     choose,
-    say_all,
 )
 from slipd.tools.commission.friction_step import measure_friction
 from slipd.tools.commission.gripper_steps import GENTLE_N, first_grasp, gentle_force, pulling_force, take_zero
@@ -281,5 +280,5 @@ def report_noise(needed_n: float, force_n: float | str) -> Steps[None]:
 
 
 def _report(name: str, notes: Sequence[str], problems: Sequence[str]) -> Steps[None]:
-    yield from say_all([f"  {name}: {note}" for note in notes])
-    yield from say_all([f"  {name}: not found: {problem}" for problem in problems])
+    yield from (Say(f"  {name}: {note}") for note in notes)
+    yield from (Say(f"  {name}: not found: {problem}") for problem in problems)

@@ -6,7 +6,7 @@ changes in the config, and get back what happened. A host is whatever answers: a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterable, Mapping
+from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
@@ -128,12 +128,6 @@ Event = Message | Choice | Reply | Refusal | None
 """None: no message came for a while (`slipd.tools.commission.readings.SILENCE_S`), or nothing is to be answered."""
 
 Steps = Generator[Output, Event, T]
-
-
-def say_all(lines: Iterable[str]) -> Steps[None]:
-    """Say some lines."""
-    for line in lines:
-        yield Say(line)
 
 
 def choose(prompt: Prompt) -> Steps[str]:

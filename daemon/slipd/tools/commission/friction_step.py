@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from slipd.tools.commission.dialogue import AGAIN, SKIP, Prompt, Say, Skipped, Steps, choose, say_all
+from slipd.tools.commission.dialogue import AGAIN, SKIP, Prompt, Say, Skipped, Steps, choose
 from slipd.tools.commission.gripper_steps import CLOSE, IF_CLOSED, activate, close, release
 from slipd.tools.commission.readings import next_message
 from slipd_client.errors import FrictionNotMeasured
@@ -43,7 +43,7 @@ def measure_friction(
         if closed:
             yield from release()
         raise
-    yield from say_all("\n".join(["", *result_lines(finger, group)]) for finger, group in results.items())
+    yield from (Say("\n".join(["", *result_lines(finger, group)])) for finger, group in results.items())
     if closed:
         yield from release()
     return results

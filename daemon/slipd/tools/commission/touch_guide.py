@@ -12,7 +12,7 @@ import numpy as np
 
 from slipd.config import Config
 from slipd.config.check_hints import needs_of
-from slipd.tools.commission.dialogue import AGAIN, GO_ON, SKIP, Prompt, Say, Steps, choose, say_all
+from slipd.tools.commission.dialogue import AGAIN, GO_ON, SKIP, Prompt, Say, Steps, choose
 from slipd.tools.commission.mounting_search import find_mounting
 from slipd.tools.commission.readings import FingerReadings, ReadingListener, noise_at_rest, pause
 from slipd.tools.commission.touches import (
@@ -268,7 +268,7 @@ def _wait_longer(why: str, finger: str) -> Steps[None]:
 
 def _agree(finger: str, findings: Findings) -> Steps[bool]:
     """Name the problems, and return whether the person makes the doubtful touches again."""
-    yield from say_all(f"  {finger}: {problem}" for problem in findings.problems)
+    yield from (Say(f"  {finger}: {problem}") for problem in findings.problems)
     names = ", ".join(NAMES[step] for step in findings.doubtful)
     text = f"The touches of finger {finger} do not fit together. Only {names} will be asked for again."
     return (yield from choose(Prompt("touch_again", text, finger, (AGAIN, GO_ON, SKIP)))) == AGAIN

@@ -214,7 +214,7 @@ def _check_mounting(forces: Array, gravities: Array, present: Mount, findings: W
     findings.contradicts = True
     raise Doubt(
         f"the weight fits sign {fit.sign:+d} and a rotation that is {how}, not those of the config (sign "
-        f"{present.sign:+d}): either the mounting is wrong, or the poses were others than asked for. Touches decide: "
+        f"{present.sign:+d}): either the mounting is wrong, or the poses were not those asked for. Touches decide: "
         "slipd commission FILE --from mounting"
     )
 
@@ -258,5 +258,5 @@ def _check_misfit(share: float) -> None:
     if share > MOST_MISFIT:
         raise Doubt(
             f"the readings are {share:.0%} of the weight from any weight in these poses: the finger was touched or "
-            "moved, a cable pulls at it, or the poses were others than asked for"
+            "moved, a cable pulls at it, or the poses were not those asked for"
         )

@@ -11,7 +11,7 @@ from slipd.config import Config, Wrench
 from slipd.errors import SlipdError
 from slipd.signals.gravity import STANDARD_GRAVITY_MPS2
 from slipd.signals.tare import most_std
-from slipd.tools.commission.dialogue import AGAIN, GO_ON, SKIP, Prompt, Say, Steps, choose, say_all
+from slipd.tools.commission.dialogue import AGAIN, GO_ON, SKIP, Prompt, Say, Steps, choose
 from slipd.tools.commission.readings import ReadingListener, read_status
 from slipd.tools.commission.touches import Mount, mount_of
 from slipd.tools.commission.weighing_search import Pose, WeightFindings, find_weight
@@ -107,7 +107,7 @@ def _worst(poses: Mapping[str, Mapping[str, Pose]], findings: Mapping[str, Weigh
 
 def _agree(step: str, findings: Mapping[str, WeightFindings], finger: str) -> Steps[bool]:
     """Name the problems, and return whether the person repeats the pose."""
-    yield from say_all(f"  {name}: {problem}" for name, each in findings.items() for problem in each.problems)
+    yield from (Say(f"  {name}: {problem}") for name, each in findings.items() for problem in each.problems)
     words = POSES[step][0].format(finger=finger)
     text = f"All poses fit a weight but one, in which {words}. Only that one will be asked for again."
     return (yield from choose(Prompt("pose_again", text, finger, (AGAIN, GO_ON, SKIP)))) == AGAIN

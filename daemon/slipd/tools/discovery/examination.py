@@ -191,7 +191,7 @@ def _why_nothing(capture: Capture, device: Device, decoded: Decoded, total: int)
     why = why_silent(device, spec, "", bytes_come=total > 0, garbled=garbled, state=decoded.state)
     yield Finding("wrong", decoded.health.note or why)
     if decoded.state:
-        yield Finding("look", f"the conversation stands at: {decoded.state}")
+        yield Finding("look", f"the start-up of the device got as far as: {decoded.state}")
     if total and capture.transport == "serial":
         found = recognise([(piece.t_ns, piece.data) for piece in capture.pieces if piece.direction == "in"])
         if found is not None and found.device != device.name:

@@ -76,8 +76,7 @@ def _tracked(poses: Array) -> Array:
     heading = np.exp(1j * poses[:, 3])
     rows = 2 * (round(JUMP_S / max(float(np.median(np.diff(poses[:, 0]))), 1e-3)) // 2) + 1
     usual = median_filter(heading.real, rows) + 1j * median_filter(heading.imag, rows)
-    tracked: Array = poses[np.abs(np.angle(heading * usual.conj())) < JUMP_RAD]
-    return tracked
+    return np.asarray(poses[np.abs(np.angle(heading * usual.conj())) < JUMP_RAD])
 
 
 def _bag_parts(source: Path, reader: Any, store: Any) -> dict[str, Array]:
@@ -185,8 +184,7 @@ def support_loads(mass_kg: float) -> Array:
     """Return the normal force on each cell of the image, shape (cells²,), N: even over the triangle."""
     x, y = _cells()
     inside = np.all([nx * x + ny * y <= far for nx, ny, far in EDGES], axis=0)
-    loads: Array = inside * (mass_kg * GRAVITY / inside.sum())
-    return loads
+    return np.asarray(inside * (mass_kg * GRAVITY / inside.sum()))
 
 
 def board_wrench(pushes: Pushes, mass_kg: float, clear_s: tuple[float, float]) -> tuple[Array, Array]:

@@ -232,7 +232,7 @@ def _keep_changes(path: Path, record: Mapping[str, Any], when: str) -> None:
     if now != record["copy"]:
         text = with_changes(record["source"], record["copy"], now, record["addresses"])
         kept = keep(text, path.name, Path.cwd())
-        print(f"changed {when}: with your ports, the config is kept as {kept}", flush=True)
+        print(f"the config was changed {when}; it is kept, with your ports, as {kept}", flush=True)
 
 
 ENDING = ".commissioned"

@@ -115,8 +115,7 @@ class PvdfPad(EmulatedDevice):
         before = np.minimum(np.searchsorted(known_ns, times_ns, side="right"), len(known_ns) - 1) - 1
         late = (times_ns - known_ns[before]) * (1.0 / (known_ns[before + 1] - known_ns[before]))
         before_n, after_n = (charges_n[each, np.arange(times_ns.size)] for each in (before, before + 1))
-        charge_n: Array = before_n + late * (after_n - before_n)
-        return charge_n
+        return np.asarray(before_n + late * (after_n - before_n))
 
 
 IDEAL = PvdfElectronics(tau_s=1e9, gain_counts_per_n=1.0, gain_spread=0.0, offset_counts=0.0)

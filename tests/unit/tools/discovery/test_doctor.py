@@ -78,7 +78,7 @@ def test_a_silent_port_an_absent_one_and_one_that_is_unplugged(
     assert not doctor(str(tmp_path / "line"), "bota", tmp_path, seconds=0.1)
     report = written(tmp_path)[1]
     assert "wrong  open, but no bytes arrive: is it powered?" in report
-    assert "the conversation stands at: waiting" in report
+    assert "the start-up of the device got as far as: waiting" in report
     threading.Timer(0.3, line.close).start()
     assert not doctor(str(tmp_path / "line"), "gauges", tmp_path, seconds=60.0)
     assert "the line was lost: " in capsys.readouterr().out
