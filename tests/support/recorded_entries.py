@@ -71,14 +71,6 @@ def complete(path: Path) -> list[Entry]:
     return found
 
 
-def begun_like(recording: Recording, path: Path, config_text: str | None = None) -> RecordingFile:
-    """Begin a file of the same run, with another config where one is given."""
-    return RecordingFile(
-        path,
-        RunHead(config_text or recording.config_text, recording.boot, recording.wall_minus_monotonic_ns),
-    )
-
-
 def write(path: Path, entries: Iterable[Entry], chunk: int = 1000) -> None:
     """Write entries as a finished recording, in chunks of a given number."""
     file = RecordingFile(path, ABOUT_RUN)

@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from altered_recordings import lossy
 from browser import MISSING, Browser
-from lossy_recording import lossy
 from replays import RECORDINGS
 from rig_parts import first_line, part
 

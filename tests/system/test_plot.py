@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from live_recording import live
+from altered_recordings import live
 from replays import RECORDINGS
 
 from slipd.cli import main

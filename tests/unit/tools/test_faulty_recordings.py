@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from recorded_entries import begun_like
+from altered_recordings import begun_like
 from replays import RECORDINGS
 
 from slipd.cli import main

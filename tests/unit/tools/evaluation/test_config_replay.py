@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from lossy_recording import lossy
+from altered_recordings import lossy
 from replays import RECORDINGS
 
 from slipd.recording.reader import open_recording

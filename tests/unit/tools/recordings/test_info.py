@@ -9,8 +9,7 @@ from datetime import datetime
 from pathlib import Path
 
 import pytest
-from live_recording import live
-from lossy_recording import lossy
+from altered_recordings import live, lossy
 from replays import RECORDINGS
 
 from slipd import config

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from lossy_recording import lossy
+from altered_recordings import lossy
 from nanoseconds import MS
 from project import DATA
 
