@@ -27,6 +27,9 @@ STIFFNESS_N_PER_MM = np.array([4.0, 4.0, 6.0])
 RESTING_N = (0.0, 0.0, 0.1)
 """Load on each pillar of a PapillArray until another is set."""
 
+CLOCK_PPM = 20.0
+"""Rate error of the clock of a PapillArray, parts per million."""
+
 _COMMAND = re.compile(rb"f(\d{1,4})\n")
 _LONGEST_COMMAND = 6
 
@@ -99,14 +102,12 @@ class PapillArrays(EmulatedTactile):
 
     Args:
         seed: Seed of the noise.
-        clock_ppm: Rate error of its clock, parts per million; positive is fast.
     """
 
-    def __init__(self, seed: int, clock_ppm: float = 20.0) -> None:
+    def __init__(self, seed: int) -> None:
         super().__init__(ReadingStream(seed, POWER_ON_HZ, (papillarray.PILLARS, 3), NOISE_N), 500.0)
         self._stream.press(np.tile(RESTING_N, (papillarray.PILLARS, 1)))
         self._stream.start(0)
-        self._ppm = clock_ppm
         self._counter = 0
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
@@ -121,7 +122,7 @@ class PapillArrays(EmulatedTactile):
     def _frame(self, taken_ns: int) -> bytes:
         pads = [self._stream.reading(str(sensor)) for sensor in range(papillarray.SENSORS)]
         blocks = [
-            encode_hub(self._counter, device_us(taken_ns, self._ppm)),
+            encode_hub(self._counter, device_us(taken_ns, CLOCK_PPM)),
             encode_pillars(pads, [pad / STIFFNESS_N_PER_MM for pad in pads]),
             encode_totals([pad.sum(axis=0) for pad in pads]),
             *encode_slip([papillarray.PILLARS] * papillarray.SENSORS),
@@ -217,12 +218,7 @@ BEGAN_S = 1_700_000_000.0
 
 
 def encode_message(
-    number: int,
-    sensors: Mapping[str, ArrayLike],
-    time_s: float,
-    calibrated: Mapping[str, ArrayLike] | None = None,
-    *,
-    model: str = "uSPa44",
+    number: int, sensors: Mapping[str, ArrayLike], time_s: float, calibrated: Mapping[str, ArrayLike] | None = None
 ) -> bytes:
     """Return one message as the server sends it.
 
@@ -231,14 +227,13 @@ def encode_message(
         sensors: Raw readings per sensor key ("1", "2", …), integers of 16 bits, shape (taxels, 3).
         time_s: Unix time, s.
         calibrated: Calibrated forces per sensor key, same shape; optional.
-        model: Model name of all sensors.
     """
     message: dict[str, Any] = {"message": number, "type": "routine"}
     for key, values in sensors.items():
         raw = np.asarray(values, dtype=np.uint16).reshape(-1, xela.AXES)
         message[key] = {
             "sensor": key,
-            "model": model,
+            "model": "uSPa44",
             "taxels": len(raw),
             "time": time_s,
             "data": ",".join(f"{word:04X}" for word in raw.ravel().tolist()),

@@ -174,11 +174,10 @@ class OptoforceConverter(NetftSensor):
 
     Args:
         seed: Seed of its noise.
-        rate_hz: Records per second that its session must request.
     """
 
-    def __init__(self, seed: int, rate_hz: float = 1000.0) -> None:
-        super().__init__(seed, rate_hz, internal_hz=1000.0)
+    def __init__(self, seed: int) -> None:
+        super().__init__(seed, rate_hz=1000.0, internal_hz=1000.0)
         self.options = {"wiring": "udp"}
         self._stream.rate_hz = POWER_ON_HZ
         self._counts_per_unit = _UDP_COUNTS_PER_UNIT

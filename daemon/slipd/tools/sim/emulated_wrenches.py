@@ -54,9 +54,9 @@ def encode_ack(letter: str, code: int = 0) -> bytes:
     return f"r,0,{letter},{code}\r\n".encode()
 
 
-def encode_banner(name: str = "SensONE", serial_number: int = 1, firmware: str = "1.0.0") -> bytes:
+def encode_banner(name: str = "SensONE", serial_number: int = 1) -> bytes:
     """Return the text that a Bota sends after a reset, including its communication setup."""
-    lines = (bota.BANNER.decode(), f"name: {name}", f"S/N: {serial_number}", f"FW version: {firmware}", "c,0,1,0,4")
+    lines = (bota.BANNER.decode(), f"name: {name}", f"S/N: {serial_number}", "FW version: 1.0.0", "c,0,1,0,4")
     return "".join(f"{line}\r" for line in lines).encode()
 
 
