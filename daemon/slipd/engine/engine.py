@@ -124,9 +124,14 @@ class Engine:
             self._grasp_due = Deadline(GraspPublisher(view, held, rig.gripper, self._sequencer, grasp_hz).publish)
             self._advice_due = Deadline(MotionPublisher(advice, view, rig.gripper, self._sequencer).publish)
         self._deadlines = [
-            *self._time_checks, self._reflex_due, *self._writes.values(), weigh, self._grasp_due, self._advice_due,
+            *self._time_checks,  # a stream fell silent, the lease ended, the gripper does not answer
+            self._reflex_due,
+            *self._writes.values(),  # sessions poll, repeat, or send what waited
+            weigh,
+            self._grasp_due,
+            self._advice_due,
             Deadline(self._status.publish_due),
-        ]  # fmt: skip
+        ]
 
     @property
     def links(self) -> dict[str, LinkSpec]:
