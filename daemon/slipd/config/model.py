@@ -188,7 +188,15 @@ TABLES: dict[str, type[BaseModel]] = {
 }
 """Every table of a config file with the model of its keys; ``X`` stands for the name of a finger."""
 
-_TRANSPORTS = {"ws": "websocket", "tcp": "tcp", "udp": "udp", "ipc": "external", "unix": "local"}
+ADDRESSES = {
+    "serial": "the path of a serial port",
+    "tcp": "tcp://HOST:PORT",
+    "udp": "udp://HOST:PORT",
+    "websocket": "ws://HOST:PORT",
+    "external": "ipc:///PATH",
+    "local": "unix:///PATH",
+}
+"""Form of the address of a port, by its transport."""
 
 
 class Config(StrictModel):
@@ -252,7 +260,8 @@ def key_path(stream_name: str) -> str:
 def transport_of(port: str) -> str:
     """Return the transport of a port, by its address: "serial" where the address is a path."""
     scheme, separator, _ = port.partition("://")
-    return _TRANSPORTS.get(scheme, "serial") if separator else "serial"
+    fits = (transport for transport, form in ADDRESSES.items() if form.startswith(f"{scheme}://"))
+    return next(fits, "serial") if separator else "serial"
 
 
 def stale_after_ns(stream: Stream) -> int:

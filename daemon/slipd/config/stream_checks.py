@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Iterator
 from urllib.parse import urlsplit
 
-from slipd.config.model import axes_of, device_options, stale_after_ns, transport_of
+from slipd.config.model import ADDRESSES, axes_of, device_options, stale_after_ns, transport_of
 from slipd.config.stream_tables import Finger, Pad, Stream
 from slipd.config.value_bounds import LONGEST_PAD_M, MARGIN, MOST_MIN_NORMAL_N, Fault
 from slipd.devices import (
@@ -26,14 +26,6 @@ _KINDS = {
     "tactile": ("tactile",),
     "gripper": ("gripper",),
     "any": ("wrench", "tactile", "object", "arm"),
-}
-_ADDRESSES = {
-    "serial": "the path of a serial port",
-    "tcp": "tcp://HOST:PORT",
-    "udp": "udp://HOST:PORT",
-    "websocket": "ws://HOST:PORT",
-    "external": "ipc:///PATH",
-    "local": "unix:///PATH",
 }
 
 BITS_PER_BYTE = 10
@@ -142,11 +134,11 @@ def _device_fault(stream: Stream, kind: str) -> Fault | None:
 def _port_fault(stream: Stream, device: Device) -> Fault | None:
     transport = transport_of(stream.port)
     if transport not in device.transports:
-        right = " or ".join(_ADDRESSES[each] for each in device.transports)
+        right = " or ".join(ADDRESSES[each] for each in device.transports)
         return "port", f"must be {right} for {stream.device}, got {stream.port!r}"
     on_network = transport not in ("serial", "external", "local")  # others are checked when they are opened
     wrong = address_fault(stream.port, needs_port=transport != "websocket") if on_network else ""
-    return ("port", f"must be {_ADDRESSES[transport]}, got {stream.port!r}: {wrong}") if wrong else None
+    return ("port", f"must be {ADDRESSES[transport]}, got {stream.port!r}: {wrong}") if wrong else None
 
 
 def address_fault(address: str, *, needs_port: bool = True) -> str:
