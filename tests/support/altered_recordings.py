@@ -17,18 +17,15 @@ LOST_S = (1.0, 2.0)
 """From the first entry."""
 
 
-def begun_like(recording: Recording, path: Path, config_text: str | None = None) -> RecordingFile:
-    """Begin a file of the same run, with another config where one is given."""
-    return RecordingFile(
-        path,
-        RunHead(config_text or recording.config_text, recording.boot, recording.wall_minus_monotonic_ns),
-    )
+def begun_like(recording: Recording, path: Path) -> RecordingFile:
+    """Begin a file of the same run."""
+    return RecordingFile(path, RunHead(recording.config_text, recording.boot, recording.wall_minus_monotonic_ns))
 
 
-def lossy(path: Path, folder: Path, config_text: str | None = None) -> Path:
+def lossy(path: Path, folder: Path) -> Path:
     """Write the events of a recording without those of `LOST_S`, as on a disk that was too slow."""
     recording, out = open_recording(path), folder / "lossy.mcap"
-    file = begun_like(recording, out, config_text)
+    file = begun_like(recording, out)
     entries = list(recording.entries())
     for entry in entries:
         t_s = (entry.t_ns - entries[0].t_ns) * 1e-9

@@ -69,7 +69,8 @@ def faults(text: str) -> list[tuple[str, int | None, str]]:
     return [(fault.path, fault.line, fault.message) for fault in caught.value.faults]
 
 
-def broken(old: str, new: str, number: int = 1) -> str:
-    """GOOD with one line's beginning changed (the n-th that has it)."""
-    at = [match.start() for match in re.finditer(rf"^{re.escape(old)}", GOOD, re.MULTILINE)][number - 1]
-    return GOOD[:at] + new + GOOD[at + len(old) :]
+def broken(old: str, new: str) -> str:
+    """GOOD with the beginning of the first line that has it changed."""
+    found = re.search(rf"^{re.escape(old)}", GOOD, re.MULTILINE)
+    assert found is not None, old
+    return GOOD[: found.start()] + new + GOOD[found.end() :]

@@ -71,8 +71,8 @@ class Recorded:
 class Pad:
     """A finger whose contact the test sets."""
 
-    def __init__(self, pressed: bool | None = False, force_n: float | None = None, *, feels: bool = True) -> None:
-        self._pressed, self._force_n, self._feels = pressed, force_n, feels
+    def __init__(self, pressed: bool | None = False, force_n: float | None = None) -> None:
+        self._pressed, self._force_n = pressed, force_n
         self.presence = self.trust = self
 
     def press(self, pressed: bool | None, force_n: float | None = None) -> None:
@@ -85,7 +85,7 @@ class Pad:
         return self._force_n if self._pressed else None
 
     def for_raise(self, _: int) -> bool:
-        return self._feels
+        return True
 
     at_rest = for_raise
 

@@ -9,9 +9,9 @@ from slipd.devices.shared import modbus
 from slipd.tools.sim import emulated_robotiq_2f as sim
 
 
-def read_requests(data: bytes, unit: int = robotiq_registers.UNIT, *, size: int = 0) -> list[modbus.Request]:
+def read_requests(data: bytes, *, size: int = 0) -> list[modbus.Request]:
     """Read the requests to a device from bytes that end with one, in pieces of a size."""
-    scanner = sim.request_scanner(unit)
+    scanner = sim.request_scanner(robotiq_registers.UNIT)
     pieces = [data[at : at + size] for at in range(0, len(data), size)] if size else [data]
     found = [(buffer, at) for buffer, places in map(scanner.receive, pieces) for at, _ in places]
     assert scanner.in_sync

@@ -68,11 +68,11 @@ def assess(
     assess_readings(rows, contact.row, spin_1n)
 
 
-def assessed(rows: Rows, mu: float = MU, settings: Slip | None = None, std_n: float = STD_N, size: int = 0) -> Rows:
+def assessed(rows: Rows, mu: float = MU, settings: Slip | None = None, size: int = 0) -> Rows:
     """Return the assessments of readings, which come together, or in reads of a size."""
     contact = watch(settings)
     for first in range(0, len(rows), size or len(rows)):
-        assess(contact, rows[first : first + (size or len(rows))], mu, WrenchUncertainty(std_n))
+        assess(contact, rows[first : first + (size or len(rows))], mu, WrenchUncertainty(STD_N))
     return rows["assessment"]
 
 

@@ -150,14 +150,14 @@ class Advised:
 
     def __init__(
         self, grip: Grip, gravity: Array = DOWN, mu_low: float | None = None, own: ObjectState | None = None,
-        noise: tuple[float, float] = (0.0, 0.0), rng: np.random.Generator | None = None, wanted_mps2: float = 3.0,
+        noise: tuple[float, float] = (0.0, 0.0), rng: np.random.Generator | None = None,
     ) -> None:  # fmt: skip
         self.grip, self._noise, self._rng = grip, noise, rng or np.random.default_rng(0)
         self.own = own or ObjectState(grip.mass_kg, 0.0, tuple(grip.com_m.tolist()), (0.0, 0.0, 0.0), "")
         self.held: Any = SimpleNamespace(state=self.own, supported=None, swing=None)
         self._mu = grip.mu if mu_low is None else mu_low
         self.fingers = {name: self._finger(name) for name in PLACES}
-        self._config = Grasp.model_validate({"pads": PLACES, "motion": {"wanted_acceleration_mps2": wanted_mps2}})
+        self._config = Grasp.model_validate({"pads": PLACES})
         self.arm: Any = SimpleNamespace(is_used=lambda t_ns: True, gravity=ArmGravity())
         self.advice = MotionAdvice(self._config, self.fingers, self.held, self.arm)
         self.t_ns = 10_000_000_000

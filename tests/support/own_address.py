@@ -12,8 +12,8 @@ def own_host() -> str:
     return f"127.{64 + (number >> 16) % 128}.{number >> 8 & 255}.{number & 255}"
 
 
-def free_port(kind: socket.SocketKind = socket.SOCK_STREAM) -> int:
+def free_port() -> int:
     """Return a port on which nobody listens at that address."""
-    with socket.socket(socket.AF_INET, kind) as found:
+    with socket.socket() as found:
         found.bind((own_host(), 0))
         return int(found.getsockname()[1])

@@ -16,10 +16,10 @@ from slipd.tools.sim.emulated_wsg import Gripper, make
 GO = (wire.SET_FORCE, wire.PREPOSITION, wire.GET_FORCE)
 
 
-def updates(width_mm: float = 40.0, force: float = 20.0, words: tuple[str, ...] = ("referenced",)) -> list[bytes]:
+def updates(width_mm: float = 40.0, words: tuple[str, ...] = ("referenced",)) -> list[bytes]:
     return [
         sim.encode_number(wire.WIDTH, width_mm),
-        sim.encode_number(wire.FORCE, force),
+        sim.encode_number(wire.FORCE, 20.0),
         sim.encode_grasping("idle"),
         sim.encode_state(set(words)),
     ]

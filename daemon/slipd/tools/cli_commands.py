@@ -289,7 +289,7 @@ def parser() -> CommandParser:
     top = CommandParser(
         prog="slipd", description="Warn a robot that its gripper is about to drop something.", epilog=EXIT
     )
-    top.add_argument("--version", action="version", version=f"slipd {__version__}")
+    top.add_argument("--version", action="version", version=f"slipd {__version__}", help="print the version and exit")
     top.set_defaults(command="", run="slipd.cli:first_steps")
     top.elsewhere = "slipctl", SLIPCTL
     add_commands(top, COMMANDS)

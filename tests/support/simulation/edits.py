@@ -13,6 +13,7 @@ from slipd.devices.shared import checksums
 
 _BOTA = struct.Struct("<BH6fIf")
 _PVDF_HEAD = 12
+_COLUMNS = 16
 _CLOCK_AT = 6
 _US_SPAN = 1 << 32
 _REPLY_LENGTH = 11
@@ -50,18 +51,17 @@ def wrench(
     return edited
 
 
-def pad(change: RowChange | None = None, *, cols: int = 16, clock_us: Callable[[int], int] | None = None) -> Bytewise:
+def pad(change: RowChange | None = None, *, clock_us: Callable[[int], int] | None = None) -> Bytewise:
     """Changes the rows of a pad's scans.
 
     Args:
-        change: ``change(row, counts, now_ns)`` returns the counts to send instead, shape (cols,).
-        cols: Of the pad.
+        change: ``change(row, counts, now_ns)`` returns the counts to send instead, shape (columns,).
         clock_us: Makes of the device's time the one that is sent instead, µs.
     """
 
     def edited(data: bytes, now_ns: int) -> bytes:
         frames = []
-        for frame in rows_of(data, cols):
+        for frame in rows_of(data):
             if clock_us is not None:
                 (time_us,) = struct.unpack_from("<I", frame, _CLOCK_AT)
                 struct.pack_into("<I", frame, _CLOCK_AT, clock_us(time_us) % _US_SPAN)
@@ -75,9 +75,9 @@ def pad(change: RowChange | None = None, *, cols: int = 16, clock_us: Callable[[
     return edited
 
 
-def rows_of(data: bytes, cols: int = 16) -> list[bytearray]:
+def rows_of(data: bytes) -> list[bytearray]:
     """Return the rows of a pad's scans without their checksums."""
-    length = _PVDF_HEAD + 2 * cols + 2
+    length = _PVDF_HEAD + 2 * _COLUMNS + 2
     return [bytearray(data[at : at + length - 2]) for at in range(0, len(data), length)]
 
 
