@@ -30,6 +30,7 @@ from slipd.fusion.rows import PULLED, TOUCHING
 from slipd.fusion.streaming import without_verdict
 from slipd.motion.evidence import Evidence, evidence_mask
 from slipd.motion.image_shift import ImageShift
+from slipd.signals.tare import Offset
 from slipd.types.samples import TactileSample
 from slipd_client.messages import LEVELS
 
@@ -97,11 +98,10 @@ class Finger:
         # noted where they change, by _follow_tares and _follow_image
         self._in_force: tuple[WrenchUncertainty, bool | None]
         self._in_force = WrenchUncertainty() if self.force is None else self.force.noise, None
-        self._zeros = [channel.tare.current for channel in self.channels.values()]
         self._image_fault, self._image_teaches = "", False
         for channel in self.channels.values():
             channel.tare.on_change.append(self._follow_tares)
-        self._follow_tares()
+        self._follow_tares(self.tare.current, self.tare.current)
 
     # Samples
 
@@ -225,15 +225,12 @@ class Finger:
 
     # What verdicts depend on, noted where it changes
 
-    def _follow_tares(self) -> None:
+    def _follow_tares(self, now: Offset, before: Offset) -> None:
         """Follow a change of a tare; a new zero casts doubt on what was learned of friction with the one before."""
-        tares = [channel.tare for channel in self.channels.values()]
-        self._taring = any(tare.busy for tare in tares)
+        self._taring = any(channel.tare.busy for channel in self.channels.values())
         self.zero_known = self.main.zero.known
         self._set_uncertainty(self._in_force[0])
-        zeros, before = [tare.current for tare in tares], self._zeros
-        if any(now is not then for now, then in zip(zeros, before, strict=True)):
-            self._zeros = zeros
+        if now is not before:
             self.friction.doubt()
         self._follow_image()
 

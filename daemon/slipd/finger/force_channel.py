@@ -17,7 +17,7 @@ from slipd.signals.drift import DriftCompensation
 from slipd.signals.frozen import MOST, WrenchWatch
 from slipd.signals.gravity import FRESH_NS, FingerWeight, GravityCompensation
 from slipd.signals.mounting import mounting_matrix
-from slipd.signals.tare import Average, Tare
+from slipd.signals.tare import Average, Offset, Tare
 from slipd.types.arrays import Array
 from slipd.types.samples import UNTRUSTED_WORDS, WrenchSample
 
@@ -84,7 +84,6 @@ class ForceChannel:
         if wrench.drift_tau_s is not None:
             limit = np.repeat((wrench.drift_limit_n, wrench.drift_limit_nm), 3)
             self.drift = DriftCompensation(wrench.drift_tau_s, limit)
-        self._offset = self.tare.current
         self.watch = WrenchWatch(
             wrench.range_n or MOST,
             wrench.range_nm or MOST,
@@ -203,12 +202,10 @@ class ForceChannel:
             return self.noise
         return WrenchUncertainty(*self.noise[:2], *self.gravity.uncertainty(t_ns))
 
-    def _follow_tare(self) -> None:
+    def _follow_tare(self, now: Offset, before: Offset) -> None:
         """Use the offset of a tare, or that of its undo, which has a lower id."""
-        now, before = self.tare.current, self._offset
         if now is before:
             return
-        self._offset = now
         self.gravity.retare(now.gravity_mps2)
         if self.drift is not None and now.id > before.id:
             self.drift.reset()
@@ -220,4 +217,4 @@ class ForceChannel:
         """Put the offset and the weight in force."""
         weight = self.gravity.correction
         conditions = self._state["conditions"]
-        conditions["offset"], conditions["weight"] = self._offset.value, 0.0 if weight is None else weight
+        conditions["offset"], conditions["weight"] = self.tare.current.value, 0.0 if weight is None else weight

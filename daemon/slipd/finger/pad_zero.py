@@ -10,7 +10,7 @@ import numpy as np
 
 from slipd.config import Pad
 from slipd.signals.charge_reconstruction import ChargeReconstruction
-from slipd.signals.tare import Tare
+from slipd.signals.tare import Offset, Tare
 from slipd.types.arrays import Array
 
 HELD_NS = 200_000_000
@@ -43,9 +43,8 @@ class PadZero:
         self._scale, self._charge, self._threshold = scale, charge, pad.threshold
         self._stated = bool(pad.tare)
         self._reads, self._since_ns = "", 0
-        self._offset = self.tare.current
         self.tare.on_change.append(self._follow_tare)
-        self._follow_tare()
+        self._follow_tare(self.tare.current, self.tare.current)
 
     def judge(self, readings: Array, t_ns: int, *, free: bool) -> None:
         """Confirm a zero that is not known, or reject a stored one, by an image of a pad that may be free.
@@ -80,10 +79,8 @@ class PadZero:
             return "observed"
         return self.tare.current.origin if self.known else None
 
-    def _follow_tare(self) -> None:
+    def _follow_tare(self, now: Offset, before: Offset) -> None:
         """Follow a change of the tare; the charge that was found with another offset is shifted."""
-        now, before = self.tare.current, self._offset
-        self._offset = now
         self.tared = self._stated or self.tare.known
         self.known = self.tared or self._charge is not None
         self.noise: Array | float = 0.0 if now.std is None or self._charge is not None else self._noise_of(now.std)

@@ -127,7 +127,7 @@ class Tare:
         known: The zero is known by a tare, or because the pad was seen to be free. An offset that the config states
             does not count here; see `slipd.finger.pad_zero`.
         busy: A tare is running.
-        on_change: Called after each change of these three, in this order.
+        on_change: Called after each change of these three, in this order, with the offset now and the one before.
         aborted_reason: Why the newest tare was aborted; None if it was not.
         aborted_text: The same for people, or "".
     """
@@ -136,7 +136,7 @@ class Tare:
         value = np.array(initial, dtype=np.float64)
         self.current = Offset(0, value, None, 0, BY_CONFIG, None, np.zeros(3), "config")
         self.known = self.busy = False
-        self.on_change: list[Callable[[], None]] = []
+        self.on_change: list[Callable[[Offset, Offset], None]] = []
         self.aborted_reason: TareReason | None = None
         self.aborted_text = ""
         stated = np.zeros_like(value) if noise is None else np.array(noise, dtype=np.float64)
@@ -167,7 +167,7 @@ class Tare:
         self._by, self._gravity = by, gravity_mps2
         self._average = Average(self.current.value.shape)
         self.aborted_reason, self.aborted_text = None, ""
-        self._change(busy=True)
+        self._set_busy(busy=True)
 
     def abort(self, reason: TareReason, text: str = "") -> None:
         """Abort a running tare; the offset in force stays.
@@ -178,7 +178,7 @@ class Tare:
         """
         if self.busy:
             self.aborted_reason, self.aborted_text = reason, text or _TEXTS[reason]
-            self._change(busy=False)
+            self._set_busy(busy=False)
 
     def undo(self) -> bool:
         """Abort a running tare, or else restore the offset before the last tare.
@@ -213,13 +213,16 @@ class Tare:
 
     def put(self, offset: Offset) -> None:
         """Put an offset in force, beside a tare that may be running."""
-        self.current, self.known = offset, offset.origin != "config"
-        self._change(busy=self.busy)
+        before, self.current, self.known = self.current, offset, offset.origin != "config"
+        self._notify(before)
 
-    def _change(self, *, busy: bool) -> None:
+    def _set_busy(self, *, busy: bool) -> None:
         self.busy = busy
+        self._notify(self.current)
+
+    def _notify(self, before: Offset) -> None:
         for notify in self.on_change:
-            notify()
+            notify(self.current, before)
 
     def apply(self, values: Array, t_ns: int, *, trusted: bool = True) -> Array:
         """Subtract the offset in force; a running tare averages the reading if it is trusted."""

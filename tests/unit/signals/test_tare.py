@@ -67,7 +67,7 @@ OTHER = st.tuples(
 @given(st.lists(st.one_of(READ, READ, READ, OTHER), max_size=80))
 def test_offset_follows_readings_and_requests(actions: list[tuple[str, float, bool]]) -> None:
     tare, model, told = Tare(np.array((5.0,))), Model(), [0]
-    tare.on_change.append(lambda: told.append(tare.current.id))
+    tare.on_change.append(lambda *_: told.append(tare.current.id))
     for k, (action, number, trusted) in enumerate(actions):
         t_ns, changes, before = k * MS, len(told), (tare.busy, tare.current)
         if action == "read":
