@@ -49,7 +49,6 @@ class FrictionEstimate:
         set_t_ns: When it did, CLOCK_MONOTONIC; None likewise.
         rotation: What is learned of rotation.
         learning: What is learned: one row of LEARNING, for `slipd.fusion.friction_learning.learn`.
-        step: Number of the 20 ms since when ``state`` is in force; see `begin_step`.
     """
 
     def __init__(
@@ -61,7 +60,7 @@ class FrictionEstimate:
         self.set_by: str | None = None
         self.set_t_ns: int | None = None
         self.rotation = RotationFriction(mu_rotation)
-        self.step = 0
+        self._step = 0  # number of the 20 ms since when the state is in force
         self._objects: dict[str, _Knowledge] = {}
         self._name: str | None = None
         self._version = -1
@@ -218,11 +217,11 @@ class FrictionEstimate:
         Returns:
             Index of the first reading after it for which the state has to be taken over again, or their number.
         """
-        if times_ns[-1] // STEP_NS == self.step:
+        if times_ns[-1] // STEP_NS == self._step:
             return len(times_ns)
         step = times_ns[begin] // STEP_NS
-        if step != self.step:
-            self.step = step
+        if step != self._step:
+            self._step = step
             self._take_over()
         while begin < len(times_ns) and times_ns[begin] // STEP_NS == step:
             begin += 1

@@ -103,8 +103,7 @@ class GripperControl:
             self.policy.latch(COMMAND_LOST)
         if self.sample is not None and t_ns - self._heard_ns > self._silence_ns:
             self._forget(NO_ANSWER)
-        lease = self.policy.lease
-        lapsed = t_ns >= lease.deadline_ns and lease.lapsed(t_ns)
+        lapsed = self.policy.lease.lapsed(t_ns)
         if lapsed:
             self.carry_out("lease_end", t_ns)
         before, self._reported_fault = self._reported_fault, self.policy.fault
