@@ -99,12 +99,14 @@ _READ_VALUES = {
 """How the value of each key is read."""
 
 
-def _parse(reader: MessageReader) -> dict[str, Any] | None:
-    """Return the fields of a message; None if they are not those of one reading."""
+def _parse(reader: MessageReader) -> dict[str, Any]:
+    """Return the fields of a message; raise ValueError if they are not those of one reading."""
     fields = reader.fields(_READ_VALUES)
     reading = fields.keys() - {"stream", "t_ns", "seq", "status"}
     is_reading = reading in READINGS or reading - {"object_pose"} == SPEED
-    return fields if is_reading and {"stream", "t_ns"} <= fields.keys() else None
+    if not (is_reading and {"stream", "t_ns"} <= fields.keys()):
+        raise ValueError("no reading")
+    return fields
 
 
 def read(buffer: bytes, at: int) -> tuple[int, dict[str, Any] | None]:

@@ -7,11 +7,11 @@ format. A value that is not finite, or beyond any gripper's range, makes the who
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Annotated, ClassVar, Literal
 
 import msgpack
-from pydantic import AfterValidator, ConfigDict, Field, Strict, TypeAdapter, ValidationError
+from pydantic import AfterValidator, ConfigDict, Field, Strict, TypeAdapter
 
 from slipd.devices.shared.frame_scanner import FrameDecoder, MessageScanner
 from slipd.devices.shared.msgpack_messages import MessageReader, read_message
@@ -30,12 +30,6 @@ MAX_FORCE_N = 10_000.0
 LAST_ID = (1 << 63) - 1
 
 REGISTERED, REFUSED = "registered", "refused"
-
-_KEYS = (
-    *("v", "name", "width_range_m", "force_range_n", "speed_range_mps"),
-    *("width_m", "active", "moving", "object", "fault", "force_n", "id", "applied_n", "error"),
-)
-_READ_VALUES = dict.fromkeys(_KEYS, MessageReader.value)
 
 
 def _rising(ends: tuple[float, float]) -> tuple[float, float]:
@@ -98,23 +92,21 @@ class Foreign:
 Message = Registration | Report | Foreign
 
 _REGISTRATIONS, _REPORTS = TypeAdapter(Registration), TypeAdapter(Report)
+_KEYS = ("v", *(field.name for kind in (Registration, Report) for field in fields(kind)))
+_READ_VALUES = dict.fromkeys(_KEYS, MessageReader.value)
 
 
-def _parse(reader: MessageReader) -> Message | None:
-    """Return the content of a message; None if a value is impossible."""
+def _parse(reader: MessageReader) -> Message:
+    """Return the content of a message; raise ValueError if a value is impossible."""
     body = reader.fields(_READ_VALUES)
-    version = body.get("v")
+    version = body.pop("v", None)
     if type(version) is not int:
-        return None
+        raise ValueError("no version")
     if version != VERSION:
         return Foreign(version)
-    del body["v"]
-    try:
-        if "width_m" not in body:
-            return _REGISTRATIONS.validate_python(body)
-        return _REPORTS.validate_python({"object": "moving" if body.get("moving") else "none"} | body)
-    except ValidationError:
-        return None
+    if "width_m" not in body:
+        return _REGISTRATIONS.validate_python(body)
+    return _REPORTS.validate_python({"object": "moving" if body.get("moving") else "none"} | body)
 
 
 def read(buffer: bytes, at: int) -> tuple[int, Message | None]:

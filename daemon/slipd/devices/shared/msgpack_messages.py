@@ -92,7 +92,7 @@ MessageT = TypeVar("MessageT")
 
 
 def read_message(
-    buffer: bytes, at: int, most: int, parse: Callable[[MessageReader], MessageT | None]
+    buffer: bytes, at: int, most: int, parse: Callable[[MessageReader], MessageT]
 ) -> tuple[int, MessageT | None]:
     """Read the message at ``at``, for `MessageScanner`.
 
@@ -100,7 +100,7 @@ def read_message(
         buffer: Bytes received so far.
         at: Where the message begins.
         most: Length of the longest message, bytes.
-        parse: ``parse(reader)`` returns the content of the message; None if its values do not fit each other.
+        parse: ``parse(reader)`` returns the content of the message, or raises ValueError if its values are impossible.
 
     Returns:
         Its length and content; 0 and None if more bytes are needed to decide; `NO_FRAME` and None if there is none.
@@ -112,8 +112,8 @@ def read_message(
         waits = len(buffer) - at < most and len(buffer) - at - reader.length <= MAX_TEXT
         return 0 if waits else NO_FRAME, None
     except ValueError:
-        message = None
-    return NO_FRAME if message is None else reader.length, message
+        return NO_FRAME, None
+    return reader.length, message
 
 
 def checked(accepts: Callable[[Any], object]) -> ReadValue:
