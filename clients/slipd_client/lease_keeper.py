@@ -104,7 +104,7 @@ class LeaseKeeper:
             LeaseLost: It is lost.
         """
         if self.lost:
-            raise LeaseLost(f"the lease is lost: {self._why}. The gripper keeps its force")
+            raise LeaseLost(f"the lease is lost, and the gripper keeps its force: {self._why}")
 
     def check_op(self, op: str) -> None:
         """Do nothing where the calling thread or task may send ``op`` on the connection that holds this lease.
