@@ -252,7 +252,7 @@ def test_the_service_of_one_user_is_written_into_that_user_s_home(
     assert f"ExecStart={Path(sys.prefix) / 'bin/slipd'} run" in unit.read_text(encoding="utf-8")
     assert "systemctl --user enable --now slipd" in capsys.readouterr().out
     assert (service("uninstall", "--user"), unit.exists()) == (0, False)
-    assert (service("install", "--user", "--root", tmp_path), unit.exists()) == (1, False), "it would go into the home"
+    assert (service("install", "--user", "--root", tmp_path), unit.exists()) == (2, False), "it would go into the home"
     unit.parent.rmdir()
     unit.parent.touch()
     assert (service("install", "--user"), "systemd/user" in capsys.readouterr().err) == (1, True)

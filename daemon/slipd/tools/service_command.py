@@ -44,9 +44,8 @@ def install(root: Path, program: Path | None = None, *, system: bool) -> None:
         system: For all users; else for this user.
 
     Raises:
-        SlipdError: A file cannot be written, the existing unit is not slipd's, systemd could not start the program, or
-            the service of one user is to be written below a root.
-        UsageError: There is no such program.
+        SlipdError: A file cannot be written, the existing unit is not slipd's, or systemd could not start the program.
+        UsageError: There is no such program, or the service of one user is to be written below a root.
     """
     program = program or own_program()
     if root == Path("/") and not program.exists():
@@ -83,6 +82,7 @@ def uninstall(root: Path, program: Path | None = None, *, system: bool) -> None:
 
     Raises:
         SlipdError: A file cannot be removed.
+        UsageError: The service of one user is named together with a root.
     """
     unit = _unit(root, system=system)
     try:
@@ -102,7 +102,7 @@ def _unit(root: Path, *, system: bool) -> Path:
     if system:
         return root / "etc/systemd/system/slipd.service"
     if root != Path("/"):
-        raise SlipdError("--root is for the service of all users: name --system")
+        raise UsageError("--root is for the service of all users: name --system")
     home = Path(os.environ.get("XDG_CONFIG_HOME") or "~/.config").expanduser()
     return home / "systemd/user/slipd.service"
 
