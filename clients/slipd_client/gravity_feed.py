@@ -17,7 +17,7 @@ from slipd_client.errors import CallError, RequestRefused
 from slipd_client.grip import GripClient
 from slipd_client.keys import Keys
 from slipd_client.messages.replies import GravityReply
-from slipd_client.quaternions import STANDARD_DOWN, conjugate, rotated
+from slipd_client.quaternions import STANDARD_DOWN, conjugate, rotated, unit
 
 PERIOD_S = 0.1
 """Time between two requests, s: an orientation is valid for 0.25 s, and a client may send 50 requests per second."""
@@ -29,7 +29,6 @@ make the daemon believe that the arm stands still."""
 OBSTACLE_S = 3.0
 """The daemon may refuse for so long, because the machine is busy."""
 
-UNIT_TOLERANCE = 0.01
 LONGEST_LINE = 10_000
 READ_BYTES = 65_536
 
@@ -51,12 +50,7 @@ def gravity_of(numbers: Sequence[float]) -> list[float]:
         )
     if len(numbers) == 3:
         return list(numbers)
-    length = math.hypot(*numbers)
-    if abs(length - 1.0) > UNIT_TOLERANCE:
-        raise CallError(
-            f"the quaternion must be a unit quaternion in the order x y z w, got one of length {length:.4g}"
-        )
-    return [each + 0.0 for each in rotated(conjugate([number / length for number in numbers]), STANDARD_DOWN)]
+    return [each + 0.0 for each in rotated(conjugate(unit(numbers, "the orientation")), STANDARD_DOWN)]
 
 
 def parse_line(line: str) -> list[float] | None:
@@ -66,11 +60,11 @@ def parse_line(line: str) -> list[float] | None:
         CallError: The line has something else.
     """
     text = line.partition("#")[0]
-    return gravity_of(parse_numbers(text)) if text.replace(",", " ").strip() else None
+    return parse_gravity(text) if text.replace(",", " ").strip() else None
 
 
-def parse_numbers(text: str) -> list[float]:
-    """Return the three or four numbers of a text, separated by blanks or commas, as `gravity_of` takes them.
+def parse_gravity(text: str) -> list[float]:
+    """Return gravity from the numbers of a text, separated by blanks or commas, as `gravity_of` takes them.
 
     Raises:
         CallError: The text has something else.
@@ -78,10 +72,8 @@ def parse_numbers(text: str) -> list[float]:
     try:
         numbers = [float(word) for word in text.replace(",", " ").split()]
     except ValueError:
-        numbers = []
-    if len(numbers) not in (3, 4):
-        raise CallError(f"a line must have three or four numbers, got {text.strip()!r:.60}")
-    return numbers
+        raise CallError(f"a line must have three or four numbers, got {text.strip()!r:.60}") from None
+    return gravity_of(numbers)
 
 
 def run(chosen: argparse.Namespace, keys: Keys | None) -> GravityReply | None:

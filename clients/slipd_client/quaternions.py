@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from slipd_client.errors import CallError
+
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 IDENTITY: Quaternion = (0.0, 0.0, 0.0, 1.0)
@@ -15,6 +17,22 @@ IDENTITY: Quaternion = (0.0, 0.0, 0.0, 1.0)
 STANDARD_GRAVITY_MPS2 = 9.80665
 STANDARD_DOWN: Vector = (0.0, 0.0, -STANDARD_GRAVITY_MPS2)
 """Gravity in a frame whose Z points up."""
+
+UNIT_TOLERANCE = 0.01
+"""Largest difference of the length of a unit quaternion from 1."""
+
+
+def unit(rotation: Sequence[float], what: str) -> Quaternion:
+    """Return a rotation with length 1.
+
+    Raises:
+        CallError: Its length is not near 1; the text begins with ``what``.
+    """
+    length = math.hypot(*rotation)
+    if not abs(length - 1.0) <= UNIT_TOLERANCE:
+        raise CallError(f"{what} must be a unit quaternion x y z w, got one of length {length:.4g}")
+    x, y, z, w = (number / length for number in rotation)
+    return x, y, z, w
 
 
 def product(one: Sequence[float], other: Sequence[float]) -> Quaternion:

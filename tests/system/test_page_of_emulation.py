@@ -143,7 +143,7 @@ def test_gravity_is_typed_on_the_page_where_a_pose_is_asked_for(rig: EmulatedRig
     browser.click("#choices [data-word=skip]")
     browser.until(asked.format("tips_down", "false"))
     send_text(browser, "1 0")
-    browser.until(f"{PROMPT}.log.some((line) => line.includes('must have three or four numbers, got'))")
+    browser.until(f"{PROMPT}.log.some((line) => line.includes('an orientation must be three numbers'))")
     browser.until("document.getElementById('typed-text').value === ''")
     send_text(browser, "9.81, 0, 0")
     browser.until(asked.format("pad_up", "false"))

@@ -10,7 +10,8 @@ import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from slipd_client.gravity_feed import UNIT_TOLERANCE
+from slipd_client import quaternions
+from slipd_client.errors import CallError
 from slipd_client.quaternions import IDENTITY, Quaternion, Vector, conjugate, plus, product, rotated
 
 STALE_S = 0.3
@@ -181,12 +182,10 @@ def unit(rotation: Any, what: str) -> Quaternion:
     Raises:
         OrientationUnknown: Its length is not near 1; the text begins with ``what``.
     """
-    numbers = rotation.x, rotation.y, rotation.z, rotation.w
-    length = math.hypot(*numbers)
-    if not abs(length - 1.0) <= UNIT_TOLERANCE:
-        raise OrientationUnknown(f"{what} must be a unit quaternion x y z w, got one of length {length:.4g}")
-    x, y, z, w = (number / length for number in numbers)
-    return x, y, z, w
+    try:
+        return quaternions.unit((rotation.x, rotation.y, rotation.z, rotation.w), what)
+    except CallError as error:
+        raise OrientationUnknown(str(error)) from None
 
 
 def vector(message: Any) -> Vector:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import math
 import os
 import sys
 import time
@@ -14,12 +13,11 @@ from typing import Any
 from cyclonedds.domain import DomainParticipant
 
 from slipd_client.errors import CallError, Silence
-from slipd_client.gravity_feed import UNIT_TOLERANCE
 from slipd_client.grip import GripClient
 from slipd_client.keys import Keys
 from slipd_client.messages.names import Health
 from slipd_client.motion import MotionAdvisor
-from slipd_client.quaternions import IDENTITY
+from slipd_client.quaternions import IDENTITY, unit
 from slipd_client.ros.arm_motion import IMU_SPAN_S, POSE_SPAN_S, ArmSource, Imu, Transforms
 from slipd_client.ros.conversion import (
     DIAGNOSTICS_TOPIC,
@@ -208,8 +206,8 @@ def _check(chosen: argparse.Namespace) -> None:
     ):
         if wrong:
             raise CallError(rule)
-    if chosen.imu_mount is not None and abs((length := math.hypot(*chosen.imu_mount)) - 1.0) > UNIT_TOLERANCE:
-        raise CallError(f"--imu-mount must be a unit quaternion x y z w, got one of length {length:.4g}")
+    if chosen.imu_mount is not None:
+        unit(chosen.imu_mount, "--imu-mount")
 
 
 def _source(participant: DomainParticipant, chosen: argparse.Namespace) -> ArmSource:

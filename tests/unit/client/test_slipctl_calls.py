@@ -55,7 +55,7 @@ ENVELOPE = {"v", "id", "op", "boot", "deadline_ns", "arrived_ns"}
         (["gravity", "left", "1", "2"], "must be three numbers"),
         (
             ["gravity", "left", "1", "0", "0", "1"],
-            "must be a unit quaternion in the order x y z w, got one of length 1.414",
+            "the orientation must be a unit quaternion x y z w, got one of length 1.414",
         ),
         (["gravity", "left", "1", "2", "inf"], "must be finite"),
         (["gravity", "left", "0", "0", "1", "--hold", "-1"], "--hold"),

@@ -18,7 +18,7 @@ from slipd.tools.commission.weighing_search import Pose, WeightFindings, find_we
 from slipd.tools.commission.weight_identification import MIN_POSES
 from slipd.types.arrays import Array
 from slipd_client.errors import CallError
-from slipd_client.gravity_feed import gravity_of, parse_numbers
+from slipd_client.gravity_feed import parse_gravity
 
 POSES = {
     "tips_down": ("the fingertips point straight down", (1.0, 0.0, 0.0)),
@@ -134,7 +134,7 @@ def _gravity(prompt: Prompt, down: Sequence[float]) -> Steps[Array | None]:
         if word == NOT_POSSIBLE:
             return None
         try:
-            return _at_rest(gravity_of(parse_numbers(word)))
+            return _at_rest(parse_gravity(word))
         except CallError as error:
             yield Say(f"  {error}. Or choose: {', '.join(prompt.choices)}")
 
