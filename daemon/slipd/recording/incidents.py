@@ -24,7 +24,6 @@ from slipd.errors import RecordingError
 from slipd.events import Event, FirstEvents, IncidentsChanged
 from slipd.recording.event_codec import encode_event
 from slipd.recording.mcap_file import EVENTS, RecordingFile
-from slipd.recording.mcap_records import trimmed
 from slipd.recording.recorder import CLOSE_LIMIT_S, QUEUE_LIMIT, looks
 from slipd.recording.run_files import RunFiles
 
@@ -82,7 +81,6 @@ class EntryRing:
         self._before_ns = before_ns
         self._blocks = deque([_Block((), 0)])
         self._bytes = 0
-        self._packer = msgpack.Packer()
         self._compressor = zstandard.ZstdCompressor(level=1)
 
     def begin_block(self, first: FirstEvents, t_ns: int) -> None:
@@ -95,8 +93,10 @@ class EntryRing:
         if self.next_n < len(first):  # the run has just begun: no entry would leave them an index
             return
         blocks = self._blocks
-        blocks[-1].pieces = [trimmed(self._compressor.compress(b"".join(blocks[-1].pieces)))]
-        self._bytes += len(blocks[-1].pieces[0])
+        # a copy of its own size: compressed bytes keep the memory of the largest possible result
+        packed = bytes(memoryview(self._compressor.compress(b"".join(blocks[-1].pieces))))
+        blocks[-1].pieces = [packed]
+        self._bytes += len(packed)
         blocks.append(_Block(first, t_ns))
         while len(blocks) > 2 and (blocks[1].begin_ns <= t_ns - self._before_ns or self._bytes > MOST_BYTES):
             in_time = blocks[1].begin_ns <= t_ns - self._before_ns
@@ -108,7 +108,7 @@ class EntryRing:
         """Keep an event that entered the engine at ``t_ns``, or the bytes that were published because of it."""
         payload = content if isinstance(content, bytes) else encode_event(self.next_n, t_ns, content)
         block = self._blocks[-1]
-        block.pieces.append(self._packer.pack((self.next_n, t_ns, topic, payload)))
+        block.pieces.append(msgpack.packb((self.next_n, t_ns, topic, payload)))
         block.entries += 1
         self.next_n += 1
 

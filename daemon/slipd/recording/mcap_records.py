@@ -251,11 +251,6 @@ class PackedChunkIndices:
         stream.write(zstandard.ZstdDecompressor().decompressobj().decompress(packed))
 
 
-def trimmed(data: bytes) -> bytes:
-    """Return a copy that takes only its own size; compressed bytes keep the memory of the largest possible result."""
-    return bytes(memoryview(data))
-
-
 def keep_index_packed(writer: Writer) -> None:
     """Let a writer without chunks keep its index packed."""
     writer._Writer__chunk_indices = PackedChunkIndices()  # type: ignore[attr-defined]  # noqa: SLF001 - no public way
