@@ -53,6 +53,7 @@ NO_MOTION = ObjectState(
 )
 
 
+@dataclass(slots=True)
 class NamedObject:
     """Keeps the name of the object in the grip, as clients state it: friction is learned for each name.
 
@@ -62,10 +63,9 @@ class NamedObject:
         set_t_ns: When that client did, CLOCK_MONOTONIC; None likewise.
     """
 
-    def __init__(self) -> None:
-        self.name: str | None = None
-        self.set_by: str | None = None
-        self.set_t_ns: int | None = None
+    name: str | None = None
+    set_by: str | None = None
+    set_t_ns: int | None = None
 
     def set(self, name: str | None, by: str, t_ns: int) -> None:
         """Use the name that a client states, for every finger and the rest of the run."""
