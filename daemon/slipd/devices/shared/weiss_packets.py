@@ -7,6 +7,7 @@ in their error numbers. Source: the public drivers of the three.
 
 from __future__ import annotations
 
+from binascii import crc_hqx
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -67,14 +68,7 @@ def status_word(code: int, words: tuple[str, ...] = STATUS_WORDS) -> str:
     return words[code] if code < len(words) else f"status {code}"
 
 
-def _entry(byte: int) -> int:
-    value = byte << 8
-    for _ in range(8):
-        value = value << 1 & 0xFFFF ^ (0x1021 if value & 0x8000 else 0)
-    return value
-
-
-_TABLE = tuple(_entry(byte) for byte in range(256))
+_TABLE = tuple(crc_hqx(bytes((byte,)), 0) for byte in range(256))  # of CRC-16/CCITT, poly 0x1021
 _PERIOD = 13
 _SETTLED = 2  # bytes at the end that are not folded
 _WORTH_FOLDING = 2  # at most this many blocks are processed bytewise as fast as folded
