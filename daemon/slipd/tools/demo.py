@@ -178,9 +178,12 @@ def _waits_for_key(daemon: subprocess.Popen[str]) -> bool:
 
 
 def _compile_kernels() -> None:
-    """Let another process fill Numba's cache, with the progress on this terminal, where the daemon's log is not."""
+    """Let another process fill Numba's cache, with the progress on this terminal, where the daemon's log is not.
+
+    Ctrl-C reaches only the demo, which ends that process: the imports of Numba would print their traceback.
+    """
     command = [sys.executable, "-m", "slipd.compile_kernels"]
-    if subprocess.run(command, check=False).returncode:  # noqa: S603 - our own program
+    if subprocess.run(command, check=False, start_new_session=True).returncode:  # noqa: S603 - our own program
         raise SlipdError("the kernels cannot be compiled")
 
 
