@@ -137,7 +137,7 @@ def _compared(name: str, recorded: ConfigRun, run: ConfigRun) -> Iterator[str]:
     yield (
         f"{name}: other levels than {RECORDED} for {seconds:.2f} s; changes {_change(before.changes, after.changes)}, "
         f"warnings {_change(before.warnings, after.warnings)}, "
-        f"first warning at {_change(before.first_warning_s, after.first_warning_s)} s"
+        f"first warning {_change(before.first_warning_s, after.first_warning_s, ' s')}"
     )
     longest = sorted(found, key=lambda one: one[0] - one[1])[:SHOWN]
     for begin_s, end_s, was, now in sorted(longest):
@@ -146,9 +146,9 @@ def _compared(name: str, recorded: ConfigRun, run: ConfigRun) -> Iterator[str]:
         yield f"    and {len(found) - SHOWN} shorter times"
 
 
-def _change(before: float | None, after: float | None) -> str:
+def _change(before: float | None, after: float | None, unit: str = "") -> str:
     """Return a figure before and after."""
-    was, now = ("none" if value is None else f"{round(value, 3):g}" for value in (before, after))
+    was, now = ("none" if value is None else f"{round(value, 3):g}{unit}" for value in (before, after))
     return f"{was} as before" if was == now else f"{was} → {now}"
 
 

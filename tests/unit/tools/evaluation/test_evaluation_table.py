@@ -38,13 +38,13 @@ def test_the_table_has_a_row_for_each_recording_and_config() -> None:
 def test_what_a_config_changes_is_told_against_the_recorded_one() -> None:
     assert list(comparisons([evaluation(after=AFTER)])) == [
         "a.mcap, after: other levels than recorded for 1.50 s; changes 1 → 3, warnings 1 as before, "
-        "first warning at 2 → 1.5 s",
+        "first warning 2 s → 1.5 s",
         "       1.500…2.000 s  stable → warning",
         "       3.000…3.500 s  warning → slipping",
         "       3.500…4.000 s  warning → unknown",
     ]
     (gone, _) = comparisons([evaluation(quiet=QUIET)])
-    assert gone.endswith("changes 1 → 0, warnings 1 → 0, first warning at 2 → none s")
+    assert gone.endswith("changes 1 → 0, warnings 1 → 0, first warning 2 s → none")
     again = run(("stable", 0.0, 2.0), ("warning", 2.0, 4.0))
     assert list(comparisons([evaluation(same=again)])) == ["a.mcap, same: the same levels as recorded"]
 
