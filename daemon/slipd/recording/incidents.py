@@ -211,7 +211,7 @@ class Incidents:
             self._ignored += 1
             return
         if self._ignored:
-            _log.info("%d incidents within %g s of the last saved one", self._ignored, self._limits.pause_s)
+            _log.info("incidents within %g s of the last saved one, not saved: %d", self._limits.pause_s, self._ignored)
         self._ignored, self._next_ns[kind] = 0, t_ns + round(self._limits.pause_s * 1e9)
         path = self._files.folder / f"{INCIDENT_KIND}-{self._name(t_ns)}-{what}.mcap"
         self._queue.put(partial(self._due.append, (path, t_ns + round(self._limits.after_s * 1e9))))
