@@ -37,8 +37,8 @@ class ArmGravity:
         self._seen_s, self._t_ns = 0.0, 0
 
     def update(self, sample: ArmSample, t_ns: int) -> None:
-        """Follow a reading of ``t_ns``; one with a status, such as values that are not finite, is left out."""
-        if sample.status:
+        """Follow a reading of ``t_ns``, whose values are finite; ignore one of the same time as the one before."""
+        if t_ns == self._t_ns:
             return
         passed_s = (t_ns - self._t_ns) * 1e-9
         x, y, z = sample.gravity_mps2

@@ -35,6 +35,9 @@ REST_PART: no arm speeds up evenly by 0.5 m/s in a second."""
 
 MOST_TURN_RADPS = 30.0
 """Twice the fastest turn of a wrist beside those of the other joints; in degrees per second, a slow one exceeds it."""
+MOST_TURN_RADPS2 = 10_000.0
+"""More than a collision gives. The gravity at the fingers does not bound it: a turn about the line through both moves
+neither."""
 
 KEPT_NS = 400_000_000
 """Readings are kept for so long."""
@@ -59,8 +62,10 @@ class MotionHistory:
         return self._times_ns[-1] if self._times_ns else 0
 
     def add(self, sample: ArmSample, t_ns: int) -> None:
-        """Add the reading of ``t_ns``; if it is not newer than the newest one, drop all earlier readings first."""
-        if t_ns <= self.newest_ns:
+        """Add the reading of ``t_ns``; ignore one of the same time as the newest, and begin anew with an older one."""
+        if t_ns == self.newest_ns:
+            return
+        if t_ns < self.newest_ns:
             self._times_ns.clear()
             self._rows.clear()
         turning = sample.angular_acceleration_radps2
@@ -109,7 +114,7 @@ class ArmMotion:
 
     Attributes:
         history: Its newest readings that can be right.
-        gravity: Direction of gravity, by all readings without a status.
+        gravity: Direction of gravity, by the readings that can be right.
         misfit: How it contradicts the load, see `slipd.grasp.arm_check`; "" where it does not. It is not used then.
     """
 
@@ -151,7 +156,8 @@ class ArmMotion:
             for name, gravity in gravities.items():
                 self._fingers[name].set_motion(gravity, sample.angular_velocity_radps, acquired_ns, self._stale_ns)
             self._fresh_until_ns = acquired_ns + self._stale_ns
-        self.gravity.update(samples[-1], times_ns[-1])
+        if not self._fault:
+            self.gravity.update(samples[-1], times_ns[-1])
 
     def bridge_stall(self, since_ns: int) -> None:
         """Let a stream that was fresh as the daemon stalled count for as long as ``gravity.set``.
@@ -214,9 +220,12 @@ def _fault_of(sample: ArmSample) -> str:
     if sample.status:
         return f"the sender reports: {', '.join(sample.status)}"
     turn_radps = math.hypot(*sample.angular_velocity_radps)
-    if turn_radps <= MOST_TURN_RADPS:
-        return ""
-    return f"its angular velocity is {turn_radps:.3g} rad/s, more than any arm's: is it in degrees per second?"
+    if turn_radps > MOST_TURN_RADPS:
+        return f"its angular velocity is {turn_radps:.3g} rad/s, more than any arm's: is it in degrees per second?"
+    turn_radps2 = math.hypot(*(sample.angular_acceleration_radps2 or ()))
+    if turn_radps2 > MOST_TURN_RADPS2:
+        return f"its angular acceleration is {turn_radps2:.3g} rad/s², more than any arm's: check its units"
+    return ""
 
 
 class _WeighedFinger:

@@ -183,7 +183,7 @@ class ObjectEstimate:
         error = load[known] - rows @ self._mean
         spread = rows @ self._covariance @ rows.T + expected[np.ix_(known, known)]
         inverse = np.linalg.inv(spread)
-        if error @ inverse @ error > REJECTED:
+        if not error @ inverse @ error <= REJECTED:  # NaN is rejected too
             self._rejected += 1
             if self._rejected >= MOST_REJECTED:
                 self.forget(UNEXPLAINED)

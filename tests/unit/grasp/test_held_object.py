@@ -35,6 +35,7 @@ class HeldRun(ArmRun):
         super().__init__(text)
         self.pads = [Rotation.from_quat(q) for q in ((0.5, -0.5, 0.5, 0.5), (-0.5, -0.5, -0.5, 0.5))]
         self.carries = "arm" in self.engine.links
+        self.sends = 1  # copies of each reading of the arm
         self.lies = 1.0  # what the arm reports over what it feels
         self.swing_nm = 0.0  # spin about the line through both pads
         self.step: Callable[[float], None] = self.serve_gripper if "gripper" in self.engine.links else self.let_pass
@@ -42,7 +43,7 @@ class HeldRun(ArmRun):
     def hold(self, gravity: Sequence[float] = DOWN, grip_n: float = GRIP_N, mass_kg: float = MASS_KG) -> None:
         """Let a step pass in which the gripper feels this and holds an object, or nothing."""
         self.step(STEP_MS)
-        if self.carries:
+        for _ in range(self.sends * self.carries):
             self.carry([self.lies * each for each in gravity], STILL, t_ns=self.t_ns - 1)
         force = mass_kg * np.array(gravity) / 2.0
         torque = mass_kg * np.cross(COM_M, gravity) + (0.0, self.swing_nm, 0.0)
@@ -134,6 +135,10 @@ def swings_at(hz: float) -> Step:
     return check
 
 
+def knows_gravity(run: HeldRun) -> None:
+    assert run.engine._arm.gravity.gravity() is not None
+
+
 def swings_nowhere(run: HeldRun) -> None:
     assert run.engine._status._rig.grasp.held.swing is None
 
@@ -191,6 +196,14 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
         [
             *(REST, move(1.0), WEIGHED, has(lies=-1.0), move(1.2), arm(health=Health.ERROR)),
             *(has(lies=1.0), move(0.82), lambda run: says_of_arm(run, ""), unknown(object_estimate.NOT_MOVED)),
+        ],
+    ),
+    "D6 readings of the arm that repeat, and some that no arm gives, spoil nothing": (
+        RIG_OF_GRIPPER.replace('sensor = "arm"\nrate_hz = 50.0', 'sensor = "arm"\nrate_hz = 100.0'),
+        [
+            *(has(sends=2), REST, move(0.5), lambda run: run.carry(DOWN, (1e200, 0.0, 0.0))),
+            *(lambda run: run.carry((np.nan,) * 3), lambda run: says_of_arm(run, "invalid"), move(1.0), WEIGHED),
+            knows_gravity,
         ],
     ),
     "gravity of requests is the slow form": (
