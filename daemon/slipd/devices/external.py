@@ -131,7 +131,8 @@ class Decoder(FrameDecoder):
     are `bad_bytes`, and each stretch of them is one `bad`; so is a message with an unknown key, a value of the wrong
     type or a number out of range.
 
-    Status names: those of the message, and "invalid" if a value is not finite.
+    Status names: those of the message, and "invalid" if a value is not finite, or a speed is beyond any multiple of its
+    error.
     """
 
     _frames: MessageScanner[dict[str, Any]]
@@ -180,7 +181,8 @@ def _object_sample(body: dict[str, Any], t_ns: int, status: tuple[str, ...]) -> 
     pose = body.get("object_pose", {})
     xyz_m, quat_xyzw = _optional(pose.get("xyz_m")), _optional(pose.get("quat_xyzw"))
     speed, std = (float(body[key]) if key in body else None for key in ("object_speed_mps", "object_speed_std_mps"))
-    status = _with_validity(status, xyz_m, quat_xyzw, () if speed is None or std is None else (speed, std))
+    moves = () if speed is None or std is None else (speed, std, speed / std * (speed / std))
+    status = _with_validity(status, xyz_m, quat_xyzw, moves)
     return ObjectSample(t_ns, body["t_ns"], xyz_m, quat_xyzw, speed, std, status, body["stream"])
 
 

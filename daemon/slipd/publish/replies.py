@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+from slipd.errors import printable
 from slipd.events import Body, RecordingChanged
 from slipd.finger.finger import Finger
 from slipd.finger.finger_tares import Tares
@@ -34,7 +35,8 @@ def error_body(number: object, refusal: Refusal) -> Body:
 
 
 def _error(refusal: Refusal) -> Body:
-    return {"code": refusal.code, "message": refusal.message, "field": refusal.field}
+    """Return an error; its text may name a path that is no UTF-8."""
+    return {"code": refusal.code, "message": printable(refusal.message), "field": refusal.field}
 
 
 def done(_: object = None) -> Body:
@@ -124,7 +126,7 @@ def tare_in_use(tares: Tares) -> Body:
 
 def recording_file(recording: RecordingChanged) -> Body:
     """Return name and path of the file of a recording that began or was ended."""
-    return {"name": recording.name, "path": recording.path or None}
+    return {"name": recording.name, "path": printable(recording.path) or None}
 
 
 def motion_checked(found: MotionCheck) -> Body:

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from slipd import __version__
-from slipd.errors import one_line
+from slipd.errors import one_line, printable
 from slipd.events import Body, HostNotice, IncidentsChanged, Output, RecordingChanged
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
@@ -181,10 +181,10 @@ def _channel_body(channel: ForceChannel | ImageChannel | None, t_ns: int) -> Bod
 def _recording_body(recording: RecordingChanged) -> Body:
     return {
         "name": recording.name or None,
-        "path": recording.path or None,
+        "path": printable(recording.path) or None,  # the name of a folder may be no UTF-8
         "state": recording.state,
         "running": recording.state == "running",
-        "failure": recording.reason or None,
+        "failure": printable(recording.reason) or None,
         "lost": recording.lost,
     }
 
@@ -195,6 +195,6 @@ def _incidents_body(incidents: IncidentsChanged) -> Body:
         "not_saved": incidents.failed,
         "lost": incidents.lost,
         "dropped": incidents.dropped,
-        "path": incidents.path or None,
-        "failure": incidents.reason or None,
+        "path": printable(incidents.path) or None,
+        "failure": printable(incidents.reason) or None,
     }

@@ -81,6 +81,7 @@ CASES = {
         + pack(SEEN, object_pose={"xyz_m": [0, 1, 2]})
         + pack(SEEN, object_pose=..., **SPEED)
         + pack(SEEN, object_pose=POSE | {"xyz_m": [math.nan, 0.0, 0.0]})
+        + pack(SEEN, object_pose=..., object_speed_mps=3.0, object_speed_std_mps=1e-300)
         + encode_reading("object", 7, object_pose=POSE, **SPEED, seq=2),
         [
             {
@@ -94,7 +95,7 @@ CASES = {
             },
             {"xyz_m": (0.0, 1.0, 2.0), "quat_xyzw": None, "speed_mps": None, "speed_std_mps": None, "status": ()},
             {"xyz_m": None, "quat_xyzw": None, "speed_mps": 0.02, "speed_std_mps": 0.001},
-            {"status": ("invalid",)},
+            *[{"status": ("invalid",)}] * 2,
             {"xyz_m": (0.01, 0.0, 0.1), "speed_mps": 0.02, "speed_std_mps": 0.001},
         ],
     ),

@@ -102,6 +102,13 @@ COURSES: dict[str, list[Step]] = {
         shows("failed", None, "run_recording", path="/data/run.mcap", failure="No space left", lost=7),
         shows("running"),
     ],
+    "a path that is no UTF-8 is published in escapes": [
+        lambda run: vars(run).update(
+            disk=lambda name: RecordingChanged(name, f"/\udcff/{name}", "failed", "/\udcff: why")
+        ),
+        *(ask("record.start", ("record_failed", "")), ask("record.stop", r"/\udcff: why")),
+        shows("failed", path=rf"/\udcff/{NAME}", failure=r"/\udcff: why"),
+    ],
     "a recording without events of the disk replays": [
         *(asked("c", b"ann"), newest("status", recording={"name": NAME, "running": True}), ask("record.stop")),
         newest("status", recording={"name": NAME, "running": False}),
