@@ -33,7 +33,8 @@ from slipd_client.paths import log_file, publish_endpoint, requests_endpoint, ru
 from slipd_client.repairs import summary
 
 KEEP_NS = 100_000_000
-"""Time between two looks at the state that is kept for the next run: what a kill may cost of it."""
+"""Time between two looks at the state that is kept for the next run, but for the grip force, which each tick looks at:
+what a kill may cost of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +82,7 @@ class ServiceRun:
         self._failure: BaseException | None = None
         self._over = False
         self.events_handled = self.ticks_handled = self._kept_ns = 0
+        self._kept_n: float | None = None
         self._state: StateFile | None = None
         self._state_problem = ""
         self._stack = ExitStack()
@@ -131,9 +133,12 @@ class ServiceRun:
             self._home.share(self.requests.endpoint)
 
     def end(self) -> None:
-        """Stop the sensors, unless the run failed; events that arrive while the links close are ignored."""
+        """Keep the state and stop the sensors, unless the run failed; events while the links close are ignored."""
         self._over = True
-        if self.links is not None and self._failure is None:
+        if self._failure is not None:
+            return
+        self._keep_state(self._now_ns())
+        if self.links is not None:
             for write in self.engine.farewell():
                 self.links.write(write.link, write.data)
 
@@ -158,12 +163,17 @@ class ServiceRun:
             return
         self.ticks_handled += 1
         self.report_recordings()
-        if self._state is not None and t_ns - self._kept_ns >= KEEP_NS:
-            self._kept_ns = t_ns
-            self._state.keep(self.engine.kept.text(t_ns))
-            if self._state.problem != self._state_problem:
-                self._state_problem = self._state.problem
-                self.handle(HostNotice("state", self._state_problem))
+        if t_ns - self._kept_ns >= KEEP_NS or self.engine.kept.force_n != self._kept_n:
+            self._keep_state(t_ns)
+
+    def _keep_state(self, t_ns: int) -> None:
+        self._kept_ns, self._kept_n = t_ns, self.engine.kept.force_n
+        if self._state is None:
+            return
+        self._state.keep(self.engine.kept.text(t_ns))
+        if self._state.problem != self._state_problem:
+            self._state_problem = self._state.problem
+            self.handle(HostNotice("state", self._state_problem))
 
     def report_recordings(self) -> None:
         """Pass changes of the recordings to the engine."""

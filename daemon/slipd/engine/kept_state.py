@@ -138,6 +138,11 @@ class KeptState:
         value, std = np.reshape(tare.offset, shape), np.reshape(tare.std, shape)
         return Offset(tare.id, value, t_ns, tare.readings, tare.by, std, gravity, tare.origin)
 
+    @property
+    def force_n(self) -> float | None:
+        """Force of the grip in force, N; None: no gripper, no grip, or not known."""
+        return self._gripper.policy.force_n if isinstance(self._gripper, GripperControl) else None
+
     def first_events(self, t_ns: int) -> FirstEvents:
         """Return what precedes a recording that begins now: the zeros and the grip in force, and the open links."""
         links = (LinkUp(name, link.guard.opened) for name, link in self._links.items() if link.up)
