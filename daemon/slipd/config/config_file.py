@@ -66,6 +66,9 @@ _SLIPS_OF_THE_PEN = (
 ENCODING = "utf-8-sig"
 """UTF-8; the byte-order mark that some editors write first is left out."""
 
+MOST_BYTES = 1_000_000
+"""Largest file that is read; a rig of two pads with 4096 three-axis taxels has a tenth of it in tares."""
+
 NO_FINGER = "is missing: each finger needs a table [finger.NAME]; `slipd config show demo` prints an example"
 
 
@@ -76,10 +79,13 @@ def load(path: Path) -> Config:
         ConfigError: The file cannot be read, other users may change it, or it has faults; the error lists them all.
     """
     try:
-        data = path.read_bytes()  # read_text would turn CRLF into LF
+        with path.open("rb") as file:  # read_text would turn CRLF into LF
+            data = file.read(MOST_BYTES + 1)
         untrusted = trust_faults(path)
     except OSError as error:
         raise ConfigError(str(path), [ConfigFault("", None, f"cannot be read: {_reason(error, path)}")]) from None
+    if len(data) > MOST_BYTES:
+        untrusted.append(f"must have at most {MOST_BYTES} bytes: is it a config?")
     if untrusted:
         raise ConfigError(str(path), [ConfigFault("", None, fault) for fault in untrusted])
     try:

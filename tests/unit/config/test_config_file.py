@@ -155,6 +155,7 @@ def test_a_config_without_a_finger_is_refused(text: str) -> None:
         (".", "Is a directory"),
         ("latin.toml", r"latin\.toml:2: cannot be read: it is not UTF-8 text"),
         ("marked.toml", "finger: is missing"),  # its byte-order mark is no fault
+        ("/dev/zero", "must have at most 1000000 bytes"),
     ],
 )
 def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path, name: str, expected: str) -> None:
