@@ -92,7 +92,9 @@ async def serve(
 
     with ExitStack() as stack:
         with interruptible():
-            run = stack.enter_context(ServiceRun(config, record, stop, show_status))
+            run = ServiceRun(config, record, stop, show_status)
+            stack.callback(run.raise_failure)  # last of all: it counts more than a recording that cannot be closed
+            stack.enter_context(run)
             compile_kernels()
         raise_descriptor_limit()
         if control.ends is not None:
@@ -105,38 +107,44 @@ async def serve(
         stack.callback(gc.unfreeze)
         async with asyncio.TaskGroup() as tasks, Links(tasks, run.engine.links.values(), run.handle) as links:
             run.links = links
-            helpers: list[asyncio.Task[Any]] = [
-                tasks.create_task(work, name=name) for name, work in _helpers(run, links, control).items()
-            ]
-            run.report_recordings()
-            if refused:
-                _log.warning("realtime: %s", refused, extra={"slipd_fault": "realtime-refused"})
-            for topic, text in (("config", control.config_fault), ("realtime", refused)):
-                if text:
-                    run.handle(HostNotice(topic, text))
+            helpers = {name: tasks.create_task(work, name=name) for name, work in _helpers(run, links, control).items()}
+            _report_start(run, control.config_fault, refused)
             on_ready(run.endpoints)
             run.recorders.kept = True
             control.notifier.send("READY=1")
-            reload = None
-            if control.changed is not None:
-                reload = tasks.create_task(control.changed(config, run.handle), name="reload")
+            reload = helpers.get("reload")
+            if reload is not None:
                 reload.add_done_callback(lambda _: stop.set())
-                helpers.append(reload)
             await stop.wait()
-            found = reload.result() if reload is not None and reload.done() else None
+            found: Config | None = reload.result() if reload is not None and reload.done() else None
             reloading = "RELOADING=1", f"MONOTONIC_USEC={time.monotonic_ns() // 1000}"
             control.notifier.send(*(("STOPPING=1",) if found is None else reloading))
             run.end()
-            for helper in helpers:
+            for helper in helpers.values():
                 helper.cancel()
-    run.raise_failure()
     return found
 
 
-def _helpers(run: ServiceRun, links: Links, control: ProcessControl) -> dict[str, Coroutine[Any, Any, None]]:
-    """Return what runs beside the links, by the names of the tasks."""
+def _report_start(run: ServiceRun, config_fault: str, refused: str) -> None:
+    """Report the recordings, and what is wrong with the run from its start; each text is "" where nothing is.
+
+    Args:
+        run: The run.
+        config_fault: Why the config in force is not that of the file.
+        refused: Why the run has no real-time priority.
+    """
+    run.report_recordings()
+    if refused:
+        _log.warning("realtime: %s", refused, extra={"slipd_fault": "realtime-refused"})
+    for topic, text in (("config", config_fault), ("realtime", refused)):
+        if text:
+            run.handle(HostNotice(topic, text))
+
+
+def _helpers(run: ServiceRun, links: Links, control: ProcessControl) -> dict[str, Coroutine[Any, Any, Any]]:
+    """Return what runs beside the links, by the names of the tasks; "reload" returns the changed config."""
     notifier = control.notifier
-    helpers = {
+    helpers: dict[str, Coroutine[Any, Any, Any]] = {
         "ticker": Ticker(run.tick, lambda: run.events_handled, run.engine.wall.minus_monotonic_ns).run(),
         "losses": _report_losses(links),
     }
@@ -145,6 +153,8 @@ def _helpers(run: ServiceRun, links: Links, control: ProcessControl) -> dict[str
         helpers["watchdog"] = watch_stages(
             lambda: notifier.send("WATCHDOG=1"), notifier.watchdog_s, links, lambda: run.ticks_handled, listeners
         )
+    if control.changed is not None:
+        helpers["reload"] = control.changed(run.config, run.handle)
     return helpers
 
 
