@@ -121,7 +121,7 @@ class ServiceRun:
         self.publisher = enter(Publisher(bus.publish or publish_endpoint(), allowed.publish))
         requests = RequestServer(
             bus.requests or requests_endpoint(),
-            self._on_request,
+            lambda client, body: self.handle(Request(client, body)),
             allowed.requests,
             requesters=allowed.requesters,
             per_second=bus.requests_hz,
@@ -210,6 +210,3 @@ class ServiceRun:
             self.requests.reply(output.client, output.body)
         else:
             self.recorders.handle(output, t_ns)
-
-    def _on_request(self, client: bytes, body: dict[str, Any]) -> None:
-        self.handle(Request(client, body))

@@ -69,11 +69,6 @@ class Deadline:
         self.due_ns = self.run(t_ns, out)
 
 
-def _never(_: int, __: list[Output]) -> int:
-    """Stand in for what the rig does not have."""
-    return NEVER_NS
-
-
 class Engine:
     """Turn events into messages, replies and bytes for the devices.
 
@@ -109,7 +104,7 @@ class Engine:
 
     def _set_deadlines(self, rig: Rig, grasp_hz: float) -> None:
         """Set what passing time alone may change, in the order in which a tick looks at it."""
-        absent = Deadline(_never)
+        absent = Deadline(lambda _, __: NEVER_NS)  # stands in for what the rig does not have
         self._silence = {name: Deadline(partial(self._check_silence, each)) for name, each in self._publishers.items()}
         self._gripper_check = Deadline(self._check_gripper)
         self._time_checks = [*self._silence.values(), self._gripper_check]

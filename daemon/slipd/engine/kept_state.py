@@ -94,10 +94,10 @@ class KeptState:
 
     def _why_not(self, name: str, tare: StoredTare) -> str:
         channel = self._channels.get(name)
-        size = channel.tare.current.value.size if channel is not None else 0
-        if tare.basis != self._basis.get(name) or not len(tare.offset) == len(tare.std) == size:
+        if channel is None or tare.basis != self._basis[name]:
             return "the config of the stream is another"
-        damaged = tare.gravity_mps2 is not None and len(tare.gravity_mps2) != 3
+        fits = len(tare.offset) == len(tare.std) == channel.tare.current.value.size
+        damaged = not fits or (tare.gravity_mps2 is not None and len(tare.gravity_mps2) != 3)
         return "it is damaged" if damaged else ""
 
     def apply(self, name: str, t_ns: int) -> None:

@@ -160,9 +160,9 @@ class ContactEstimator:
             uncertainty: By noise and by the unknown weight of the finger.
             zero_known: The zero of the force is known. Otherwise no reading shows a contact, or the want of one.
         """
-        self.certain = uncertainty.force_n == 0.0
+        self.certain = uncertainty.unknown_n == 0.0
         self.contact.set_uncertainty(uncertainty)
-        pulled_n = self._drift_n + STDS * uncertainty.force_std_n + uncertainty.force_n
+        pulled_n = self._drift_n + STDS * uncertainty.force_std_n + uncertainty.unknown_n
         conditions = self.contact.row["conditions"]
         conditions["zero_known"] = zero_known
         conditions["pulled_n"] = pulled_n if zero_known else pulled_n + self._bias_n

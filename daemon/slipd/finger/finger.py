@@ -26,13 +26,13 @@ from slipd.finger.image_channel import STALE, ImageChannel
 from slipd.finger.trust import ContactPresence, Trust
 from slipd.finger.verdict import PAD_FREE, ROTATION_UNOBSERVED, STREAM_STALE, Verdict
 from slipd.fusion.levels import WrenchUncertainty
+from slipd.fusion.recent_forces import mean_wrench
 from slipd.fusion.rows import PULLED, TOUCHING
 from slipd.fusion.streaming import without_verdict
 from slipd.motion.evidence import Evidence, evidence_mask
 from slipd.motion.image_shift import ImageShift
 from slipd.signals.tare import Offset
 from slipd.types.samples import TactileSample
-from slipd_client.messages import LEVELS
 
 LEVELS_BY_IMAGE = frozenset({"stable", "caution"})
 """Levels that need an image. Without it they become unknown; a worse level stays as it is."""
@@ -64,7 +64,6 @@ class Finger:
         presence: Whether something presses on the pad.
         trust: Whether the readings are trusted, and a grip may be raised on them.
         zero_known: The zero of the force is known. Without it, a reading may be a bias of any size.
-        level: Level after the newest force reading.
     """
 
     def __init__(self, name: str, config: FingerConfig, levels: Levels) -> None:
@@ -85,7 +84,6 @@ class Finger:
         self.presence, self.trust, self._guard = ContactPresence(self), Trust(self), TareGuard(self)
         self._delayed: deque[Read] = deque()
         self._newest: FingerState | VerdictBatch = FingerState(0, STREAM_STALE)
-        self.level, self._is_stale = self._newest.verdict.level, True
         self._check: ForceImageCheck | None = None
         if pad is not None and self.force is not None and self.image is not None:
             self._check = ForceImageCheck(config, pad, self.force, self.image, state)
@@ -180,7 +178,7 @@ class Finger:
     ) -> Evidence | None:
         """Look for motion in an image, with the forces since the one before, where force sensor and image agree."""
         if self.in_contact and image.is_independent and not check.disagreement:
-            wrench = check.mean_wrench(before_ns, t_ns)
+            wrench = mean_wrench(self._estimator.contact.row, before_ns, t_ns)
             return motion.update(t_ns, image.loads, wrench, image.taxel_health.measured)
         motion.reset()
         return None
@@ -189,7 +187,7 @@ class Finger:
         """Return the verdicts on conditioned readings, and update the comparison and the tares with them."""
         force, check, received_ns, newest_ns = self.force, self._check, readings.received_ns, readings.times_ns[-1]
         usable_ns = self.freshness.stale_ns
-        if arrival.waited_ns and not (arrival.dated and self._is_stale):
+        if arrival.waited_ns and not (arrival.dated and self._newest.is_stale):
             usable_ns += arrival.waited_ns  # the daemon let them wait, and the stream was not stale before them
         sure = True
         if force is not None:  # an image has updated its own
@@ -207,7 +205,7 @@ class Finger:
             teaches=sure and self._image_teaches and not arrival.waited_ns,
             image_free=not self._estimator.certain and self.presence.is_free_by_image(),
         )
-        self._newest, self.level, self._is_stale = batch, LEVELS[batch.levels[-1]], batch.is_late
+        self._newest = batch
         if batch.phases & 1 << PULLED:
             self.tare.reject("the normal force is clearly negative")
         if self.motion is not None and not batch.touches:
@@ -262,7 +260,7 @@ class Finger:
         """
         if self._taring:
             self._guard.check_silence(t_ns, unread_ns)
-        if self._is_stale:
+        if self._newest.is_stale:
             return None
         if self.freshness.is_stale(t_ns, unread_ns):
             return self._lose_force(t_ns)
@@ -281,7 +279,7 @@ class Finger:
         """
         if self._taring or self._delayed:
             return -1
-        since_ns = t_ns if self._is_stale else self.freshness.came_ns or 0
+        since_ns = t_ns if self._newest.is_stale else self.freshness.came_ns or 0
         force_ns, image = since_ns + self.freshness.stale_ns, self.image
         if image is None or (image.reasons == STALE and not self._needs_image()):
             return force_ns
@@ -347,15 +345,19 @@ class Finger:
         newest = self._newest
         return newest if isinstance(newest, FingerState) else newest[-1]
 
+    @property
+    def level(self) -> str:
+        """Level after the newest force reading."""
+        return self._newest.level
+
     def _set_state(self, state: FingerState) -> FingerState:
         self._newest = state
-        self.level, self._is_stale = state.verdict.level, state.verdict is STREAM_STALE
         return state
 
     def is_fresh(self, stream: str, t_ns: int) -> bool:
         """Return whether readings of the stream "wrench" or "pad" came lately."""
         if stream == "wrench" or self.force is None:
-            return not self._is_stale
+            return not self._newest.is_stale
         return self.image is not None and self.image.is_fresh(t_ns, None)
 
     @property

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -30,7 +29,7 @@ from slipd.fusion.hull import Outline
 from slipd.fusion.loads import active_loads
 from slipd.fusion.rows import FREE, LATE, PULLED, TOUCHING, UNKNOWN, UNTRUSTED, Rows
 from slipd.fusion.streaming import assessment_at, contact_at, utilisation_at, wrench_at
-from slipd.fusion.verdict_numbers import UNKNOWN_NUMBERS, find_numbers
+from slipd.fusion.verdict_numbers import UNKNOWN_NUMBERS, VerdictNumbers, find_numbers
 from slipd.motion.evidence import evidence_names
 from slipd.types.arrays import Array
 from slipd_client.messages import LEVELS
@@ -111,7 +110,17 @@ class FingerState:
     reading: Rows | None = None
     load_distribution: LoadDistribution | None = None
     friction: FrictionState | None = None
-    _numbers: list[Any] | None = field(default=None, init=False)
+    _numbers: VerdictNumbers | None = field(default=None, init=False)
+
+    @property
+    def level(self) -> str:
+        """Level of the verdict."""
+        return self.verdict.level
+
+    @property
+    def is_stale(self) -> bool:
+        """The reading is too old, or its stream ended."""
+        return self.verdict is STREAM_STALE
 
     @property
     def phase(self) -> int:
@@ -160,19 +169,16 @@ class FingerState:
         It holds the load with the noise of the reading too, at a one-sided confidence of 95 %. None where it is not
         known, and where no force would hold the load.
         """
-        needed_n: float | None = self.numbers(config)[-1]
+        needed_n: float | None = self.numbers(config).needed_n
         return needed_n
 
-    def numbers(self, config: FingerConfig) -> list[Any]:
-        """Return what `slipd.fusion.verdict_numbers.find_numbers` finds, None for what is not known.
-
-        That takes a search on the limit surface, once for each state.
-        """
+    def numbers(self, config: FingerConfig) -> VerdictNumbers:
+        """Return the numbers of the verdict, which take a search on the limit surface, once for each state."""
         if self._numbers is None:
             self._numbers = UNKNOWN_NUMBERS if self.reading is None else self._find_numbers(self.reading, config)
         return self._numbers
 
-    def _find_numbers(self, reading: Rows, config: FingerConfig) -> list[Any]:
+    def _find_numbers(self, reading: Rows, config: FingerConfig) -> VerdictNumbers:
         distribution, friction, wrench = self.load_distribution, self.friction or _NO_FRICTION, config.wrench
         found = find_numbers(
             reading,
@@ -184,7 +190,7 @@ class FingerState:
             config.grip_safety,
             config.contact_growth,
         )
-        return [number if math.isfinite(number) else None for number in found]
+        return VerdictNumbers(*(number if math.isfinite(number) else None for number in found))
 
 
 @dataclass(slots=True, eq=False)
@@ -239,7 +245,12 @@ class VerdictBatch:
         return self.phases == 1 << TOUCHING
 
     @property
-    def is_late(self) -> bool:
+    def level(self) -> str:
+        """Level of the newest reading."""
+        return LEVELS[self.levels[-1]]
+
+    @property
+    def is_stale(self) -> bool:
         """The newest reading is too old."""
         return bool(self.phases & 1 << LATE) and self.phase(-1) == LATE
 

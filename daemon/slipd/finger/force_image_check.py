@@ -77,10 +77,6 @@ class ForceImageCheck:
         moving = begin_range(self._state, normal_n) > self._moving_n
         return ForceSummary(free, normal_n, moving, not self.disagreement)
 
-    def mean_wrench(self, since_ns: int, until_ns: int) -> tuple[float, ...]:
-        """Return the mean wrench of the force sensor between two times; see the kernel of this name."""
-        return mean_wrench(self._state, since_ns, until_ns)
-
     def update_image(self, t_ns: int, *, known: bool) -> None:
         """Compare the newest image with the force at its time.
 
@@ -97,11 +93,11 @@ class ForceImageCheck:
         if t_ns - self._compared_ns < COMPARE_NS:
             return
         self._compared_ns = t_ns
-        force_std_n, torque_std_nm, force_n, torque_nm = self._force.uncertainty(t_ns)
+        force_std_n, torque_std_nm, unknown_n, unknown_nm = self._force.uncertainty(t_ns)
         contact = Contact(
-            *_contact_at(self._state, t_ns, force_std_n + force_n / STDS, torque_std_nm + torque_nm / STDS)
+            *_contact_at(self._state, t_ns, force_std_n + unknown_n / STDS, torque_std_nm + unknown_nm / STDS)
         )
-        found = self._agreement.update(t_ns, contact, force_std_n + force_n, image.x, image.y, image.pressure)
+        found = self._agreement.update(t_ns, contact, force_std_n + unknown_n, image.x, image.y, image.pressure)
         self.disagreement = tuple(f"disagreement_{what}" for what in found) if found else ()
 
     def reset(self) -> None:

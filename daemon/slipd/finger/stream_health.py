@@ -63,9 +63,9 @@ def force_conditions(force: ForceChannel, t_ns: int) -> list[Condition]:
         found.append((Health.OK, _UNTARED))
     found += _device_status(force.status)
     if force.gravity.state(t_ns) == "unknown_orientation":
-        force_n = force.gravity.uncertainty(t_ns)[0]
+        unknown_n, _ = force.gravity.uncertainty(t_ns)
         missing = "an arm stream ([grasp.arm]) removes it, or gravity.set, slipctl gravity or slipctl serve ros2"
-        found.append((Health.WARN, f"no fresh gravity: the finger's weight may add {force_n:.2f} N; {missing}"))
+        found.append((Health.WARN, f"no fresh gravity: the finger's weight may add {unknown_n:.2f} N; {missing}"))
         if force.tare.current.gravity_mps2 is None:
             text = "tare it once more while gravity is known: the last tare holds an unknown weight"
             found.append((Health.OK, text))

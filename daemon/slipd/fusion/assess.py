@@ -39,12 +39,12 @@ def assess_readings(readings: Rows, states: Rows, spin_utilisation_1n: float) ->
     Args:
         readings: Rows of READING with contacts and, where an image shows the rotation, margins and utilisations,
             shape (n,); their times rise.
-        states: One row of STATE.
+        states: One row of CONTACT_STATE.
         spin_utilisation_1n: λ of the uncertain torque alone at a normal force of 1 N.
     """
     state = states[0]
     conditions, memory, drop, ring = state["conditions"], state["memory"], state["drop"], state["ring"]
-    mu, unknown_n = conditions["mu"], conditions["force_n"]
+    mu, unknown_n = conditions["mu"], conditions["unknown_n"]
     for k in range(len(readings)):
         row = readings[k]
         contact, found = row["contact"], row["assessment"]
@@ -147,11 +147,11 @@ def _find_motion(row: Row, conditions: Row, memory: Row, drop: Row, ring: Rows, 
 @compiled_part
 def _find_tipping(row: Row, conditions: Row, memory: Row) -> int:
     """Fill in and return the step that the tipping margin asks for; a lower one is reached only after DWELL_S."""
-    contact, found, unknown_n, t_s = row["contact"], row["assessment"], conditions["force_n"], row["t_s"]
+    contact, found, unknown_n, t_s = row["contact"], row["assessment"], conditions["unknown_n"], row["t_s"]
     normal = contact["normal_n"]
     reach = math.hypot(contact["cx_m"], contact["cy_m"])
     std = math.hypot(conditions["torque_std_nm"], reach * conditions["force_std_n"]) / normal
-    shift = (conditions["torque_nm"] + reach * unknown_n) / max(normal - unknown_n, 1e-9)
+    shift = (conditions["unknown_nm"] + reach * unknown_n) / max(normal - unknown_n, 1e-9)
     tipping, by_unknown = _tips(row["tipping_margin_m"], 2.0 * std, conditions["half_pitch_m"], shift)
     held_s = memory["tipping_held_s"]
     if tipping == STABLE or not by_unknown:

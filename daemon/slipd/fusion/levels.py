@@ -1,8 +1,9 @@
-"""Level of one contact, reading by reading: utilisation against thresholds with hysteresis, tipping, and slip.
+"""What the level of one contact depends on: its settings, the uncertainty of the readings, and what kernels remember.
 
 A level rises at once where noise allows, that of a growing load a little earlier, and falls only when the load stayed
-lower for a while by more than its noise, so that a vibration changes it once. `slipd.fusion.load_drop` has what the
-load shows of motion, `slipd.fusion.level_hysteresis` how a level follows the load, `slipd.fusion.assess` both together.
+lower for a while by more than its noise, so that a vibration changes it once. The kernels that find it are in
+`slipd.fusion.load_drop` (what the load shows of motion), `slipd.fusion.level_hysteresis` (how a level follows the load)
+and `slipd.fusion.assess` (both together).
 """
 
 from __future__ import annotations
@@ -62,14 +63,14 @@ class WrenchUncertainty(NamedTuple):
     Attributes:
         force_std_n: Standard deviation of each force component, N.
         torque_std_nm: Standard deviation of each torque component, N·m.
-        force_n: Most that the unknown load adds to the force, N.
-        torque_nm: Most that it adds to the torque, N·m.
+        unknown_n: Most that the unknown load adds to the force, N.
+        unknown_nm: Most that it adds to the torque, N·m.
     """
 
     force_std_n: float = 0.0
     torque_std_nm: float = 0.0
-    force_n: float = 0.0
-    torque_nm: float = 0.0
+    unknown_n: float = 0.0
+    unknown_nm: float = 0.0
 
 
 class Assessment(NamedTuple):
@@ -162,12 +163,12 @@ class ContactState:
     def set_uncertainty(self, uncertainty: WrenchUncertainty) -> None:
         """Put the uncertainty of the readings in force."""
         conditions = self.row["conditions"]
-        if uncertainty.force_n < conditions["force_n"][0]:
+        if uncertainty.unknown_n < conditions["unknown_n"][0]:
             self._forget_steps()
         for name, value in zip(WrenchUncertainty._fields, uncertainty, strict=True):
             conditions[name] = value
 
     def _forget_steps(self) -> None:
-        """Hold no step that was not reached by the load."""
+        """Let each step end at once: it was reached by another friction or uncertainty, not by the load."""
         memory = self.row["memory"]
         memory["held_s"], memory["tipping_held_s"] = -math.inf, -math.inf

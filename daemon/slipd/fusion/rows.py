@@ -103,7 +103,7 @@ CONDITIONS = np.dtype(
         ("matrix", _FLOAT, (6, 6)),
         ("offset", _FLOAT, (6,)),
         ("weight", _FLOAT, (6,)),
-        *_floats("begins_n", "lasts_n", "pulled_n", "force_std_n", "torque_std_nm", "force_n", "torque_nm"),
+        *_floats("begins_n", "lasts_n", "pulled_n", "force_std_n", "torque_std_nm", "unknown_n", "unknown_nm"),
         ("zero_known", _FLAG),
         *_floats("mu", "spin_scale", "half_pitch_m", "caution", "warning", "hysteresis"),
         ("gravity_mps2", _FLOAT, (2,)),
@@ -115,8 +115,8 @@ CONDITIONS = np.dtype(
 
 ``matrix``, ``offset``, ``weight``: a wrench of the sensor is matrix · (wrench - offset) - weight in the pad frame.
 A contact begins at the normal force ``begins_n`` and lasts down to ``lasts_n``; below ``-pulled_n`` it is PULLED.
-``force_std_n`` and ``torque_std_nm`` are the noise of a component, ``force_n`` and ``torque_nm`` what the unknown
-weight of the finger may add. Without ``zero_known`` no reading shows a contact, or the want of one. ``mu``: NaN if
+``force_std_n`` and ``torque_std_nm`` are the noise of a component, ``unknown_n`` and ``unknown_nm`` what the unknown
+weight of the finger may add. Without ``zero_known`` no reading shows a contact, or that there is none. ``mu``: NaN if
 unknown; ``spin_scale``: how many times as much friction a spin uses. ``caution``, ``warning`` and ``hysteresis`` are
 thresholds of the level. ``gravity_mps2`` is the apparent gravity along X and Y of the pad by the motion of the arm, and
 ``turn_radps`` its angular velocity about the normal of the pad, both at ``gravity_s``; they are valid for readings at

@@ -148,8 +148,8 @@ def find_contacts(readings: Rows, states: Rows, oldest_ns: int, moved: bool) -> 
         move_to_pad(readings, states)
     conditions, forces, in_contact = states[0]["conditions"], states[0]["forces"], states[0]["memory"]["in_contact"]
     force_std, torque_std = (
-        conditions["force_std_n"] + conditions["force_n"],
-        conditions["torque_std_nm"] + conditions["torque_nm"],
+        conditions["force_std_n"] + conditions["unknown_n"],
+        conditions["torque_std_nm"] + conditions["unknown_nm"],
     )
     ends_at, phases = len(readings), 0
     for k in range(len(readings)):
@@ -215,9 +215,9 @@ def judge_readings(
         solve_readings(
             readings, x, y, shares, mu, conditions["spin_scale"], twist[0], twist[1], twist[2], DECISION_GAP, MAX_PASSES
         )
-        if conditions["force_n"] > 0.0:
+        if conditions["unknown_n"] > 0.0:
             load, start, stop = (
-                Load(0.0, 0.0, conditions["torque_nm"], 0.0, 0.0),
+                Load(0.0, 0.0, conditions["unknown_nm"], 0.0, 0.0),
                 Twist(nan, nan, nan),
                 Stop(GOAL, MAX_PASSES),
             )

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from collections import namedtuple
 from typing import Any
 
 import numpy as np
@@ -21,8 +22,18 @@ from slipd.types.arrays import Array
 MODELS = ("none", "translation", "exact")
 """What a utilisation takes into account."""
 NONE, TRANSLATION, EXACT = range(3)
-UNKNOWN_NUMBERS: list[Any] = [NONE, *(None,) * 19]
-"""What `find_numbers` returns where there is no reading."""
+VerdictNumbers = namedtuple(
+    "VerdictNumbers",
+    "model normal_n fx_n fy_n spin_nm cx_m cy_m cx_std_m cy_std_m friction_ratio friction_ratio_std required_friction"
+    " utilisation utilisation_lower utilisation_upper pole_x_m pole_y_m tipping_margin_m torque_limit_nm needed_n",
+)
+"""What `find_numbers` finds, in its order; None is unknown.
+
+``model`` is an index of MODELS, ``f`` the tangential force, ``c`` the contact centroid, ``torque_limit_nm`` the torque
+that friction carries in the sense of the spin, ``needed_n`` the least normal force that holds the load.
+"""
+UNKNOWN_NUMBERS = VerdictNumbers(NONE, *(None,) * 19)
+"""Where there is no reading."""
 
 
 @compiled
@@ -45,9 +56,7 @@ def find_numbers(
         growth: Exponent with which the contact grows, see `slipd.fusion.limit.grip_factor.solve_grip_factor`.
 
     Returns:
-        Model, an index of MODELS; normal force; tangential force (2); spin; centroid (2) and its
-        standard deviation (2); R and its standard deviation; required friction; λ and its bounds (2); pole (2); tipping
-        margin; torque that friction carries in the sense of the spin; and least normal force that holds the load.
+        The fields of `VerdictNumbers`.
     """
     nan, row = math.nan, reading[0]
     contact, used, found, twist = row["contact"], row["utilisation"], row["assessment"], row["utilisation"]["twist"]

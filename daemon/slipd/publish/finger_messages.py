@@ -33,36 +33,34 @@ _NO_WRENCH = (nan,) * 6
 def slip_body(finger: Finger, state: FingerState) -> Body:
     """Return ``slip.<finger>``: the verdict on one contact, and the quantities behind it."""
     force, image, distribution = finger.force, finger.image, state.load_distribution
-    (
-        model, normal_n, fx_n, fy_n, spin_nm, cx_m, cy_m, cx_std_m, cy_std_m, ratio, ratio_std, required,
-        used, lower, upper, pole_x_m, pole_y_m, margin_m, torque_limit_nm, needed_n,
-    ) = state.numbers(finger.config)  # fmt: skip
+    numbers = state.numbers(finger.config)
+    required = numbers.required_friction
     carried = None if state.friction is None else state.friction.carried
     return {
         **_verdict(finger, state),
         "force_unit": _force_unit(finger, state),
-        "normal_n": normal_n,
-        "tangential_n": _vector(fx_n, fy_n),
-        "spin_nm": spin_nm,
-        "centroid_m": _vector(cx_m, cy_m),
-        "centroid_std_m": _vector(cx_std_m, cy_std_m),
-        "friction_ratio": ratio,
-        "friction_ratio_std": ratio_std,
+        "normal_n": numbers.normal_n,
+        "tangential_n": _vector(numbers.fx_n, numbers.fy_n),
+        "spin_nm": numbers.spin_nm,
+        "centroid_m": _vector(numbers.cx_m, numbers.cy_m),
+        "centroid_std_m": _vector(numbers.cx_std_m, numbers.cy_std_m),
+        "friction_ratio": numbers.friction_ratio,
+        "friction_ratio_std": numbers.friction_ratio_std,
         "gravity": None if force is None else force.gravity.state(state.t_ns),
         **friction_body(state.friction or finger.friction.state),
         "required_friction": required,
         "carried_friction": carried,
         "relative_utilisation": None if carried is None or required is None else required / carried,
-        "utilisation": used,
-        "utilisation_lower": lower,
-        "utilisation_upper": upper,
-        "torque_limit_nm": torque_limit_nm,
-        "grip_needed_n": needed_n,
-        "pole_m": _vector(pole_x_m, pole_y_m),
-        "tipping_margin_m": margin_m,
+        "utilisation": numbers.utilisation,
+        "utilisation_lower": numbers.utilisation_lower,
+        "utilisation_upper": numbers.utilisation_upper,
+        "torque_limit_nm": numbers.torque_limit_nm,
+        "grip_needed_n": numbers.needed_n,
+        "pole_m": _vector(numbers.pole_x_m, numbers.pole_y_m),
+        "tipping_margin_m": numbers.tipping_margin_m,
         "tipping_margin_std_m": None if image is None else 0.5 * image.geometry.pitch_m,
         "centroid_residual_m": None if distribution is None else finite_or_none(distribution.centroid_residual_m),
-        "model": MODELS[model],
+        "model": MODELS[numbers.model],
         "tare_id": finger.tare.current.id,
         **tare_body(finger.main, state.t_ns),
         "age_s": state.age_s,

@@ -125,7 +125,7 @@ def test_a_growth_within_its_noise_does_not_count() -> None:
 
 def test_an_unknown_weight_adds_its_force_and_its_spin_to_the_load_and_takes_its_force_off_the_grip() -> None:
     rows = contact_rows(1, 3.0, 10.0, 0.5, 1e-3)
-    assess(watch(), rows, MU, WrenchUncertainty(0.02, 0.0, force_n=1.0), 0.7)
+    assess(watch(), rows, MU, WrenchUncertainty(0.02, 0.0, unknown_n=1.0), 0.7)
     assert rows["assessment"]["utilisation_upper"] == pytest.approx((0.5 * 10.0 + 1.0 / MU + 0.7) / 9.0)
 
 
@@ -209,7 +209,7 @@ def test_a_spin_is_a_danger_beyond_its_noise(spins: Array, first: int, last: int
 SHEAR_N, RATIO_ALONE = 0.9 * MU, -1
 
 
-UNKNOWN_WEIGHT = WrenchUncertainty(0.02, 0.0, force_n=1.0)
+UNKNOWN_WEIGHT = WrenchUncertainty(0.02, 0.0, unknown_n=1.0)
 
 
 @pytest.mark.parametrize(
@@ -242,6 +242,6 @@ def test_a_reading_counts_as_its_noise_allows(
 ) -> None:
     rows = contact_rows(3, load_n, normal_n, used, np.arange(3) * 1e-3)
     rows["contact"]["spin_nm"], rows["utilisation"]["kind"], rows["utilisation"]["twist"][:, axis] = spin_nm, kind, 1.0
-    rows["contact"]["friction_ratio_std"] = 0.5 * (noise.force_n > 0.0)
+    rows["contact"]["friction_ratio_std"] = 0.5 * (noise.unknown_n > 0.0)
     assess(watch(), rows, MU, noise)
     assert rows["assessment"]["friction_step"].tolist() == [step] * 3
