@@ -17,12 +17,11 @@ from fit.record import Grasp
 from fit.score import Spans, spans_of
 
 from slipd import config
-from slipd.engine.held_motion import REPORTED_NS
 from slipd.fusion.levels import ContactState, WrenchUncertainty
 from slipd.fusion.load_blocks import GAP_S, RING, forget_load
 from slipd.fusion.rows import BLOCK as BLOCKS
 from slipd.fusion.rows import Rows, new_rows
-from slipd.motion.evidence import Evidence, MotionRisk
+from slipd.motion.evidence import REPORTED_NS, Evidence, MotionRisk
 from slipd.motion.image_shift import ImageShift
 from slipd.signals.pad import PadGeometry
 from slipd.types.arrays import Array

@@ -60,27 +60,21 @@ LOAD: dict[str, Mapping[str, float]] = {
 }  # fmt: skip
 """Of the load of a contact, in `slipd.fusion`."""
 IMAGE: dict[str, Mapping[str, object]] = {
-    "source: image, fitted": {"motion.image_shift.MOST_TILT": -1.0},
-    "source: image and centroid": {"motion.image_fit.LEAST_TAXELS": 1 << 30},
+    "source: image, fitted": {"motion.image_fit.MOST_TILT": -1.0},
+    "source: image and centroid": {"motion.image_fit.SURE_SHARE": inf},
     "kinds together": {"motion.evidence.TOGETHER_NS": -1},
-    "image: rise of the load": {"motion.image_blocks.RISE_SHARE": inf},
-    "image: same grip": {"motion.image_blocks.GRIP_SHARE": inf},
-    "image: same tangential force": {"motion.image_blocks.SAME_SHARE": inf},
+    "image: slight forces": {"motion.image_blocks.SLIGHT_SHARE": inf},
+    "image: same load": {"motion.evidence.SAME_SHARE": inf},
     "image: same centroid": {"motion.image_blocks.SAME_CENTROID_M": inf},
-    "image: settles": {"motion.image_blocks.SETTLED_S": 0.0},
-    "image: error of the model": {"motion.image_fit.MODEL_SHARE": 0.0},
-    "image: opening gap": {"motion.image_fit.OPENS": inf},
-    "image: tilt": {"motion.image_shift.MOST_TILT": inf},
+    "motion: lasts": {"motion.evidence.LASTS_NS": 0},
+    "image: tilt, opening gap": {"motion.image_fit.MOST_TILT": inf},
     "image: along the load": {"motion.image_shift.ALONG": -inf},
-    "image: weak spin": {"motion.image_shift.SPIN_SHARE": 0.0},
     "image: one reference": {"motion.image_shift.REFERENCES": 1},
     "image: each surprise": {"motion.shift_path.EACH_SURPRISE": -inf},
-    "image: least noise": {"motion.shift_path.LEAST_STD_M": 1e-9},
-    "centroid: left": {"motion.image_fit.LEAST_LEFT": 0.0},
-    "centroid: share": {"motion.image_fit.LEAST_SHARE": 0.0},
-    "centroid: correlation": {"motion.image_fit.LEAST_CORRELATION": -1.0},
-    "centroid: sure": {"motion.image_fit.SURE_LEFT": inf},
-    "centroid: noise": {"motion.image_fit.STDS": 0.0},
+    "image: least noise": {"motion.evidence.LEAST_STD_M": 1e-9},
+    "centroid: least share": {"motion.image_fit.LEAST_SHARE": 0.0},
+    "centroid: sure share": {"motion.image_fit.SURE_SHARE": 0.0},
+    "image, centroid: noise": {"fusion.level_hysteresis.CERTAIN_STDS": 0.0},
 }
 """Of the image before a force sensor and of the high band, in `slipd.motion`."""
 

@@ -8,15 +8,11 @@ from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
 from slipd.grasp.pad_motion import make_pad_motion
 from slipd.gripper.gripper_control import GripperControl
-from slipd.motion.evidence import Evidence, MotionRisk
+from slipd.motion.evidence import REPORTED_NS, Evidence, MotionRisk
 from slipd.motion.outside_motion import OutsideMotion
 from slipd.motion.width_change import WidthChange
 from slipd.rig import Rig
 from slipd.types.samples import ObjectSample
-
-REPORTED_NS = 300_000_000
-"""Motion of the jaws, in pads that measure the force, or by another process, stays reported for this long after the
-last evidence: three looks of a pad with 10 new images a second."""
 
 Found = list[tuple[Finger, FingerState]]
 """Fingers that now report motion, with their states."""

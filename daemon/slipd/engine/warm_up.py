@@ -20,7 +20,8 @@ from slipd.fusion.motion_scale import check_points, follow_gravity, largest_scal
 from slipd.fusion.object_swing import swing_excess
 from slipd.fusion.streaming import move_to_pad, new_readings
 from slipd.grasp.swing_estimate import SwingEstimate
-from slipd.motion.image_blocks import BLOCK_S, Block, ImageBlocks
+from slipd.motion.evidence import BLOCK_S
+from slipd.motion.image_blocks import Block, ImageBlocks
 from slipd.motion.image_fit import ImageComparison
 from slipd.motion.image_shift import ImageShift
 from slipd.signals.charge_reconstruction import ChargeReconstruction

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from slipd.friction.friction_state import FrictionState, RotationFriction, Taught
-from slipd.fusion.friction_learning import KEPT, LEARNING, SCATTER, WIDENING, Z, begin_grasp, combine, end_grasp
+from slipd.fusion.friction_learning import KEPT, LEARNING, SCATTER, Z, begin_grasp, combine, end_grasp
 from slipd.fusion.rows import new_rows
 from slipd.types.arrays import finite_or_none
 
@@ -281,4 +281,4 @@ def _real(known: tuple[float, float] | None) -> tuple[float, float] | None:
 
 def _lowest(ln: tuple[float, float], var: tuple[float, float]) -> float:
     """Return the logarithm of the coefficient with which the next grasp of a known object begins."""
-    return ln[0] - Z * math.sqrt(var[0] + WIDENING**2 + SCATTER**2)
+    return ln[0] - Z * math.sqrt(var[0] + 2.0 * SCATTER**2)

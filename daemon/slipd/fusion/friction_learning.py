@@ -18,17 +18,15 @@ from slipd.types.arrays import Array
 Z = 1.645
 """One-sided confidence of 95 %, in standard deviations; the interval between both bounds has 90 %."""
 DWELL_S = 0.1
-"""A load counts as carried when it lasted this long, s: longer than a vibration or the impact of a pick."""
+"""A load counts as carried when it lasted this long, s: longer than a vibration or the impact of a pick. The plateau of
+a slip is averaged for as long: later the object may stick again while the slip is still reported."""
 SCATTER = 0.05
-"""Relative standard deviation of static friction from one slip to the next of the same pair."""
+"""Relative standard deviation of static friction from one slip to the next of the same pair. A new grasp of a known
+object adds as much: it is gripped at another place."""
 ROUGH = 0.1
 """Relative standard deviation of q at a slip that shows no drop of the load: its onset was some time before."""
 GAP_S = 0.3
-"""After a longer silence nothing is known of the load between, s; pads send ten images a second, or more."""
-PLATEAU_S = 0.1
-"""The plateau is averaged for this long, s: later the object may stick again while the slip is still reported."""
-WIDENING = 0.05
-"""Relative standard deviation that a new grasp of a known object adds: it is gripped at another place."""
+"""After a longer silence nothing is known of the load between, s: three images of a pad that sends ten a second."""
 FADING = 0.6
 """Weight of a sample relative to the next one: friction changes with wear, dust and moisture."""
 KEPT = 4
@@ -169,7 +167,7 @@ def _slide(rows: Rows, t_s: float, q: float, peak: float, plateau: float, noise:
         row["onset"], changed = 1, True
     if changed:
         row["floor"] = 0.0  # a later slip shows more than what was carried before
-    if plateau > 0.0 and t_s - row["onset_s"] <= PLATEAU_S:
+    if plateau > 0.0 and t_s - row["onset_s"] <= DWELL_S:
         sums[0], sums[1] = sums[0] + 1.0, sums[1] + plateau
         sums[2] = max(sums[2], math.hypot(noise, shape))
         _take_sample(rows, 1, sums[1] / sums[0], sums[2] * sums[2] + SCATTER * SCATTER, sums[0] > 1.0)
@@ -244,7 +242,7 @@ def combine(rows: Rows) -> None:
     lns, variances, taken = row["sample_ln"], row["sample_var"], row["taken"]
     prior_ln, prior_var = math.log(stated), spread * spread
     if not math.isnan(known_var[0]):
-        prior_ln, prior_var = known[0], known_var[0] + WIDENING * WIDENING
+        prior_ln, prior_var = known[0], known_var[0] + SCATTER * SCATTER
     sampled = not math.isnan(known_var[0])
     for k in range(min(taken[0], KEPT)):
         sampled = sampled or not math.isnan(variances[0, k])
@@ -263,7 +261,7 @@ def combine(rows: Rows) -> None:
             high = floor * math.exp(Z * spread)
     else:
         mu, low, high = math.nan, floor if floor > 0.0 else math.nan, math.nan
-    dynamic_ln, _ = _mean(lns[1], variances[1], taken[1], known[1], known_var[1] + WIDENING * WIDENING)
+    dynamic_ln, _ = _mean(lns[1], variances[1], taken[1], known[1], known_var[1] + SCATTER * SCATTER)
     row["bound"], row["low"], row["high"] = most if mu > most else mu, most if low > most else low, high
     row["dynamic"], row["learned"] = math.exp(dynamic_ln), learned
     row["changes"] += 1
@@ -279,7 +277,7 @@ def end_grasp(rows: Rows) -> None:
         floor = row["floor"]
         row["object_floor"] = floor if taken[0] > 0 else max(row["object_floor"], floor)
         for kind in range(2):
-            prior_var = known_var[kind] + WIDENING * WIDENING
+            prior_var = known_var[kind] + SCATTER * SCATTER
             ln, var = _mean(lns[kind], variances[kind], taken[kind], known[kind], prior_var)
             if taken[kind] > 0:
                 known[kind], known_var[kind] = ln, var
@@ -290,7 +288,7 @@ def end_grasp(rows: Rows) -> None:
 def begin_grasp(rows: Rows) -> None:
     """Start anew from what is stated and what is known of the object."""
     row = rows[0]
-    row["carried"], row["floor"] = 0.0, row["object_floor"] * math.exp(-Z * WIDENING)
+    row["carried"], row["floor"] = 0.0, row["object_floor"] * math.exp(-Z * SCATTER)
     row["slipping"], row["onset"] = False, 0
     _forget_blocks(row)
     samples = row["taken"]

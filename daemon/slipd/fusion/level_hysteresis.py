@@ -18,8 +18,8 @@ DWELL_S = 0.25
 slowest vibration of arms and tools (some 5 Hz), and less than what a person or a program waits for."""
 SURE = 0.05
 """A reading whose utilisation has this standard deviation by noise, or less, counts fully."""
-CERTAIN = 4.0
-"""A utilisation counts at once as far as it exceeds so many standard deviations: no noise explains that."""
+CERTAIN_STDS = 4.0
+"""No noise explains what exceeds so many of its standard deviations: a utilisation counts at once as far as it does."""
 LARGE = 2.0
 """A utilisation that does not count fully counts as no more than this."""
 
@@ -28,8 +28,8 @@ LARGE = 2.0
 def settle(row: Row, conditions: Row, memory: Row, used: float, measured: float, exact: bool) -> float:
     """Return the utilisation that counts: that of the reading, or of a mean where the noise is large.
 
-    The mean moves towards each reading by (SURE / σ)², so that its own deviation stays below SURE. What exceeds CERTAIN
-    σ does not wait for it. σ is that by noise alone: no mean makes an unknown load smaller.
+    The mean moves towards each reading by (SURE / σ)², so that its own deviation stays below SURE. What exceeds
+    CERTAIN_STDS σ does not wait for it. σ is that by noise alone: no mean makes an unknown load smaller.
 
     Args:
         row: The reading, with its contact and utilisation.
@@ -54,7 +54,7 @@ def settle(row: Row, conditions: Row, memory: Row, used: float, measured: float,
     if not std > SURE:
         return used
     memory["settled"] = before + (min(used, LARGE) - before) * (SURE / std) ** 2
-    return max(float(memory["settled"]), min(used, LARGE) - CERTAIN * std)
+    return max(float(memory["settled"]), min(used, LARGE) - CERTAIN_STDS * std)
 
 
 @compiled_part

@@ -12,9 +12,8 @@ from slipd.fusion.rows import Row, Rows
 GROWTH_S = 0.2
 """The growth of a load is that in this time, s."""
 PARTS = 4
-"""It is looked at in so many parts of this time: a load that jumped did not grow in each of them,"""
-STEADY = 0.25
-"""by at least this part of an equal share."""
+"""It is looked at in so many parts of this time: a load that jumped did not grow in each of them by at least such a
+part of an equal share."""
 GROWTH_PER_S = 0.15
 """A load grows from this much utilisation a second on: it would be near the limit within a second."""
 GROWTH_STDS = 6.0
@@ -42,7 +41,7 @@ def grows(drop: Row, ring: Rows, mu: float, least: float) -> bool:
         return False
     for k in range(1, PARTS + 1):
         before = mean_q(ring, last - k * part, few)
-        if newest - before < STEADY * growth / PARTS:
+        if newest - before < growth / PARTS**2:
             return False
         newest = before
     return True

@@ -14,15 +14,13 @@ from typing import NamedTuple
 import numpy as np
 
 from slipd.finger.finger import Finger
-from slipd.motion.evidence import Evidence
+from slipd.motion.evidence import REPORTED_NS, SAME_SHARE, Evidence
 from slipd.types.arrays import Array
 
 LOOK_NS = 60_000_000
 """Least time between two looks: pads report 40 Hz and more, but many renew their readings at only 10 Hz."""
 LOOKS_PER_HOUR = 3600.0 * 10.0
 """Independent looks in an hour; changes of the arm's motion last longer than the time between two looks."""
-LONGEST_LOOK_NS = 300_000_000
-"""Images further apart are not compared."""
 PAIR_PERIODS = 0.75
 """Images of two pads belong to one look where their times differ by at most this share of the slower pad's period. Each
 sensor has a clock of its own: an image is at most half a period from the nearest one of the other pad, and jitter comes
@@ -32,8 +30,6 @@ BACKGROUND = 0.0040
 taxels, 10 new images a second) the tail has a scale of 0.0039 from 0.004 up to 0.014, and is thinner up to the largest
 of 794 looks, 0.028. It is the middle of the range in which the counts on labelled grasps change by two at most, 0.0034
 to 0.0046. A grasp with more background of its own raises the scale."""
-MOST_SQUEEZE = 0.1
-"""Largest relative change of the normal force between two looks at which the grip counts as unchanged."""
 FOLLOW = 0.05
 """Share of each new change in the running mean of the grasp's own changes."""
 TAIL_SHARE = 0.55
@@ -103,7 +99,7 @@ class ImageStep:
         shares = [pressure / total for pressure, total in zip(pressures, totals, strict=True)]
         look = _Look(t_ns, shares, sum(totals))
         last = self._looks[-1] if self._looks else None
-        if last is not None and t_ns - last.t_ns <= LONGEST_LOOK_NS:
+        if last is not None and t_ns - last.t_ns <= REPORTED_NS:
             if t_ns - last.t_ns < LOOK_NS or any(map(np.array_equal, shares, last.shares)):
                 return None
             if _same_grip(last, look):
@@ -118,7 +114,7 @@ class ImageStep:
 
 
 def _same_grip(before: _Look, now: _Look) -> bool:
-    return abs(now.total - before.total) <= MOST_SQUEEZE * now.total
+    return abs(now.total - before.total) <= SAME_SHARE * now.total
 
 
 def _change(before: _Look, now: _Look) -> float:

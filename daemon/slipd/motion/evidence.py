@@ -13,7 +13,11 @@ from collections.abc import Mapping
 from functools import cache
 from typing import NamedTuple
 
+import numpy as np
 from scipy.special import betainc
+
+from slipd.fusion.friction_learning import GAP_S
+from slipd.types.arrays import Array
 
 EVIDENCE = ("load_drop", "image_change", "spin_change", "width", "external")
 """Kinds of evidence, by their bit in ``evidence`` of `slipd.fusion.rows.ASSESSMENT`.
@@ -26,8 +30,24 @@ EVIDENCE = ("load_drop", "image_change", "spin_change", "width", "external")
 """
 MOST_SURPRISE = 700.0
 """No surprise is larger: its probability is no floating-point number."""
-TOGETHER_NS = 50_000_000
+BLOCK_S = 0.05
+"""Duration of a block of images, s: a contact that creeps with 3 mm/s moves 0.15 mm in it."""
+TOGETHER_NS = round(1e9 * BLOCK_S)
 """Evidence within this time of each other may show the same motion."""
+LASTS_NS = 200_000_000
+"""What lasts for this time is no swing: a contact or hold settles in it, and a width must differ for so long."""
+REPORTED_NS = round(1e9 * GAP_S)
+"""Motion stays reported for at least this time after the last evidence."""
+SAME_SHARE = 0.1
+"""Normal forces are the same within this share, and so are tangential forces."""
+REFERENCE = 16
+"""Readings at the beginning of a hold that show its noise."""
+LEAST_READINGS = 3
+"""Fewer readings show neither a scatter nor that all of them differ."""
+LEAST_STD_M = 1e-6
+"""Noise of a place or a width is taken as no smaller, m: without noise, or in coarse counts, it is hidden."""
+LONG_STEP = 4
+"""Steps over which a random walk is told from white noise."""
 
 
 class Evidence(NamedTuple):
@@ -77,6 +97,24 @@ def combined_surprise(surprises: list[float]) -> float:
     """
     total = sum(surprises)
     return total - math.log(sum(total**j / math.factorial(j) for j in range(len(surprises))))
+
+
+def walk_variance(short: Array, longer: Array, count: int) -> Array:
+    """Return the variance of a step of the random walk of which noise may consist.
+
+    Steps over h values have the variance 2 w + h d for white noise of variance w and a walk of variance d. Until the
+    longer steps are many enough, all noise counts as a walk.
+
+    Args:
+        short: Variance of a step, 2 w + d.
+        longer: Likewise over `LONG_STEP` values.
+        count: Number of the longer steps.
+    """
+    if count <= LONG_STEP:
+        return short
+    doubt = 1.0 + 1.5 * math.sqrt(LONG_STEP / count)
+    walk: Array = np.minimum(np.maximum(doubt * longer - short, 0.0) / (LONG_STEP - 1), short)
+    return walk
 
 
 class MotionRisk:

@@ -8,24 +8,18 @@ from typing import NamedTuple
 import numpy as np
 
 from slipd.fusion.compiled import compiled
+from slipd.fusion.level_hysteresis import CERTAIN_STDS
 from slipd.fusion.levels import WrenchUncertainty
+from slipd.motion.evidence import BLOCK_S, LASTS_NS, SAME_SHARE
 from slipd.signals.pad import PadGeometry
 from slipd.types.arrays import Array, Mask
 
-BLOCK_S = 0.05
-"""Duration of a block, s: a contact that creeps with 3 mm/s moves 0.15 mm in it."""
-SETTLED_S = 0.2
-"""A contact that is younger still settles, and gives no blocks, s."""
-SAME_SHARE, SAME_NORMAL_SHARE = 0.15, 0.02
-"""Tangential forces are the same within this share of themselves, or this share of the normal force."""
-RISE_SHARE = 0.03
-"""The later one is no larger by more than this share: near its limit, a contact slips in part under a growing load."""
-GRIP_SHARE = 0.07
-"""Normal forces are the same within this share."""
+SLIGHT_SHARE = 0.03
+"""Tangential forces below this share of the normal force, and spin torques below this share of the tangential force
+times the radius, count as none. A later tangential force is no larger by more than this share: near its limit, a
+contact slips in part under a growing load."""
 SAME_CENTROID_M = 1e-3
 """The contact centroid is the same within this, m: a tilt moves it further before it opens a gap."""
-NOISE_STDS = 4.0
-"""All of them also within this many standard deviations of the noise."""
 KEPT = 1.0 - 1.0 / 400
 """The noise of the taxels is averaged over 400 images."""
 _LAST, _JUMPS, _TOTAL = range(3)  # newest image, averaged squares of the changes, sum of the images of the block
@@ -79,7 +73,7 @@ class ImageBlocks:
     """
 
     def __init__(self, geometry: PadGeometry, noise: WrenchUncertainty) -> None:
-        self._noise_n, self._noise_nm = NOISE_STDS * noise.force_std_n, NOISE_STDS * noise.torque_std_nm
+        self._noise_n, self._noise_nm = CERTAIN_STDS * noise.force_std_n, CERTAIN_STDS * noise.torque_std_nm
         self._reach_m = 0.25 * math.hypot(geometry.rows, geometry.cols) * geometry.pitch_m
         self._sums = np.zeros((3, geometry.taxels))
         self.reset()
@@ -105,7 +99,7 @@ class ImageBlocks:
         self._wrenches.append(wrench)
         if t_ns - self._begun_ns < BLOCK_S * 1e9:
             return None
-        settled = t_ns - self._since_ns >= SETTLED_S * 1e9
+        settled = t_ns - self._since_ns >= LASTS_NS
         wrenches, self._wrenches, self._begun_ns = np.array(self._wrenches), [], t_ns
         image, variance, load = np.empty_like(forces), np.empty_like(forces), np.empty(6)
         spread, spread_normal = _end_block(self._sums, wrenches, max(self._jump_count, 1.0), image, variance, load)
@@ -113,13 +107,13 @@ class ImageBlocks:
             return None
         fx, fy, normal = load[:3].tolist()
         load_n = math.hypot(fx, fy)
-        tangential, squeeze = max(SAME_SHARE * load_n, SAME_NORMAL_SHARE * normal), GRIP_SHARE * normal + self._noise_n
+        tangential, squeeze = max(SAME_SHARE * load_n, SLIGHT_SHARE * normal), SAME_SHARE * normal + self._noise_n
         along, centroid = tangential + self._noise_n, SAME_CENTROID_M + self._noise_nm / normal
         if spread > 2.0 * along or spread_normal > 2.0 * squeeze:
             return None
         spin = self._reach_m * tangential + self._noise_nm
         tolerance = np.array((along, along, squeeze, spin, centroid, centroid))
-        rise_n = RISE_SHARE * load_n + self._noise_n / math.sqrt(len(wrenches))
+        rise_n = SLIGHT_SHARE * load_n + self._noise_n / math.sqrt(len(wrenches))
         return Block(t_ns, image, variance, load, tolerance, rise_n, wrenches, usable)
 
 

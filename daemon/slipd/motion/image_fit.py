@@ -21,33 +21,27 @@ from typing import NamedTuple
 import numpy as np
 
 from slipd.fusion.compiled import compiled, compiled_part
+from slipd.fusion.level_hysteresis import CERTAIN_STDS
 from slipd.motion.image_blocks import Block
 from slipd.signals.pad import PadGeometry
 from slipd.types.arrays import Array, Indices, Mask
 
 MODES, MOTIONS = 8, 3
 """Ways in which an image changes: gain, two of tilt, two of growth; then the motions: two of shift, and the turn."""
-MODEL_SHARE = 0.005
-"""What a taxel reads may differ from the model by this share of its load."""
 ACTIVE_SHARE = 0.05
 """A taxel belongs to the contact, with those beside it, above this share of the mean of the loaded taxels."""
-OPENS = 0.25
-"""A gap may open where the pressure falls across the contact by this share of its mean on either side."""
-LEAST_LEFT, LEAST_SHARE, LEAST_CORRELATION = 0.2, 0.4, 0.4
+MOST_TILT = 0.3
+"""A gap may open where the pressure falls across the contact by this share of its mean on either side. A change by tilt
+that is stronger, relative at the radius of gyration, may lift one edge off the pad, which looks like a motion."""
+LEAST_SHARE, SURE_SHARE = 0.2, 0.4
 """Load and tilt leave at least the first share of the squared change; otherwise a tilt may explain it. What they leave
-shows at least the second share of the measured shift, and correlates with the change that this shift would make by at
-least the third."""
-SURE_LEFT, SURE_SHARE = 0.4, 0.15
-"""No tilt leaves as much as the first share. Beyond it, the second share of the shift suffices: edges may lie between
-electrodes."""
-LEAST_TAXELS = 10
-"""Load and tilt fit almost any image of fewer taxels."""
-STDS = 5.0
-"""The share must exceed 0 by this many standard deviations of the noise."""
+shows at least the second share of the measured shift, and correlates as much with the change that this shift would
+make. No tilt leaves more than the second share: then the first share of the shift suffices, because edges may lie
+between electrodes."""
 
 _MEAN, _VARIANCE, _SLOPE_X, _SLOPE_Y = range(4)
-"""What `compare_taxels` finds of each taxel: mean of both images, variance of their difference by noise and errors of
-the model, infinite outside the contact, and the slopes of the mean along X and Y, per m."""
+"""What `compare_taxels` finds of each taxel: mean of both images, variance of their difference by noise, infinite
+outside the contact, and the slopes of the mean along X and Y, per m."""
 
 
 class ImageFit(NamedTuple):
@@ -97,7 +91,7 @@ class ImageComparison:
     def _compare(self, before: Block, after: Block) -> Array:
         """Return what two blocks show of each taxel, see `_MEAN`; shape (4, n)."""
         taxels, usable = np.empty((4, len(self._all))), self._all if after.usable is None else after.usable
-        compare_taxels(before.image, after.image, after.variance, usable, MODEL_SHARE, self._sides, self._spans, taxels)
+        compare_taxels(before.image, after.image, after.variance, usable, self._sides, self._spans, taxels)
         return taxels
 
     def growth_m(self, fit: ImageFit, before: Block, after: Block) -> tuple[float, float]:
@@ -114,7 +108,7 @@ class ImageComparison:
                 away = at - at.mean()
                 squares = float(away @ away)
                 fall = abs(float(away @ loads)) * math.sqrt(3.0 / (squares * len(at))) if squares > 0.0 else 0.0
-                if fall > OPENS * float(loads.mean()):
+                if fall > MOST_TILT * float(loads.mean()):
                     most[axis] = math.inf
         return min(fit.growth_m[0], most[0]), min(fit.growth_m[1], most[1])
 
@@ -136,8 +130,8 @@ class ImageComparison:
         """
         mean, variance, slope_x, slope_y = self._compare(before, after)
         used = np.isfinite(variance)
-        if np.count_nonzero(used) < LEAST_TAXELS:
-            return False
+        if np.count_nonzero(used) <= MODES:
+            return False  # load and tilt fit almost any image of so few taxels
         by_shift = -(shift_m[0] * slope_x + shift_m[1] * slope_y)
         changes = np.stack((after.image - before.image, by_shift), axis=1)[used]
         x, y, load = self._x[used] - self._x[used].mean(), self._y[used] - self._y[used].mean(), mean[used]
@@ -147,18 +141,17 @@ class ImageComparison:
         left = changes - modes @ np.linalg.lstsq(modes, changes, rcond=1e-9)[0]
         (of_change, of_both), (_, of_shift) = (left.T @ left).tolist()
         share = of_change / max(float(changes[:, 0] @ changes[:, 0]), 1e-300)
-        noise = STDS * math.sqrt(float(variance[used] @ (left[:, 1] * left[:, 1])))
-        if share > SURE_LEFT:
-            return bool(of_both > max(SURE_SHARE * of_shift, noise))
-        like_a_shift = of_both > LEAST_CORRELATION * math.sqrt(of_change * of_shift)
-        return bool(share > LEAST_LEFT and like_a_shift and of_both > max(LEAST_SHARE * of_shift, noise))
+        noise = CERTAIN_STDS * math.sqrt(float(variance[used] @ (left[:, 1] * left[:, 1])))
+        if share > SURE_SHARE:
+            return bool(of_both > max(LEAST_SHARE * of_shift, noise))
+        like_a_shift = of_both > SURE_SHARE * math.sqrt(of_change * of_shift)
+        return bool(share > LEAST_SHARE and like_a_shift and of_both > max(SURE_SHARE * of_shift, noise))
 
 
 @compiled
 def compare_taxels(
-    before: Array, after: Array, noise: Array, usable: Mask, model_share: float, sides: Indices, spans: Array,
-    taxels: Array,
-) -> None:  # fmt: skip
+    before: Array, after: Array, noise: Array, usable: Mask, sides: Indices, spans: Array, taxels: Array
+) -> None:
     """Fill in what two images show of each taxel.
 
     Args:
@@ -166,7 +159,6 @@ def compare_taxels(
         after: The later one, shape (n,).
         noise: Variance of one of them by noise, shape (n,); a taxel that shows less has the mean of the contact.
         usable: Taxels that measure by themselves, shape (n,).
-        model_share: Share of its load by which a taxel may differ from the model.
         sides: Neighbours of each taxel, as `PadGeometry.sides`.
         spans: Distance of those along X, and of those along Y, shape (2, n), m.
         taxels: Filled, see `_MEAN`; shape (4, n).
@@ -193,8 +185,8 @@ def compare_taxels(
             inside += 1
     common /= max(inside, 1)
     for k in range(count):
-        model, rounding = model_share * mean[k], 1e-6 * most
-        variance = 2.0 * max(noise[k], common) + model * model + rounding * rounding
+        rounding = 1e-6 * most
+        variance = 2.0 * max(noise[k], common) + rounding * rounding
         taxels[_VARIANCE, k] = variance if near[k] and usable[k] else math.inf
         taxels[_SLOPE_X, k] = (mean[sides[1, k]] - mean[sides[0, k]]) / spans[0, k]
         taxels[_SLOPE_Y, k] = (mean[sides[3, k]] - mean[sides[2, k]]) / spans[1, k]

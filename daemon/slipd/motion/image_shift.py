@@ -20,9 +20,9 @@ import math
 import numpy as np
 
 from slipd.fusion.levels import WrenchUncertainty
-from slipd.motion.evidence import Evidence, f_surprise
-from slipd.motion.image_blocks import BLOCK_S, Block, ImageBlocks
-from slipd.motion.image_fit import MOTIONS, ImageComparison, ImageFit
+from slipd.motion.evidence import BLOCK_S, LEAST_READINGS, Evidence, f_surprise
+from slipd.motion.image_blocks import SLIGHT_SHARE, Block, ImageBlocks
+from slipd.motion.image_fit import MOST_TILT, MOTIONS, ImageComparison, ImageFit
 from slipd.motion.shift_path import (
     AGAIN_M,
     ALONG,
@@ -41,10 +41,6 @@ REFERENCES = 8
 """Loads whose images are kept."""
 AGAIN_PITCHES = 0.5
 """Beyond this shift the change of an image is not linear any more, and a new reference is taken."""
-MOST_TILT = 0.3
-"""A stronger tilt, relative at the radius of gyration, may lift one edge off the pad, which looks like a motion."""
-SPIN_SHARE = 0.05
-"""A spin torque below this share of the tangential force times the radius of gyration turns nothing."""
 
 _NOWHERE = np.zeros(MOTIONS)
 
@@ -178,7 +174,7 @@ def _slide(fit: ImageFit, growth_m: tuple[float, float], fx_n: float, fy_n: floa
     load_n = math.hypot(fx_n, fy_n)
     if fx_n * shift_x + fy_n * shift_y <= ALONG * load_n * math.hypot(shift_x, shift_y):
         shift_x = shift_y = 0.0
-    if spin_nm * turn <= SPIN_SHARE * fit.radius_m * load_n * abs(turn):
+    if spin_nm * turn <= SLIGHT_SHARE * fit.radius_m * load_n * abs(turn):
         turn = 0.0
     return np.array((shift_x, shift_y, turn))
 
@@ -201,8 +197,6 @@ def _pattern_surprise(fit: ImageFit, shift_m: Array) -> float:
 
 GAP_NS = round(2.5e9 * BLOCK_S)
 """Blocks further apart have another load between them."""
-LEAST_SCATTER = 4
-"""From as many images on, their scatter shows the noise of the contact centroid."""
 
 
 class CentroidShift:
@@ -268,7 +262,7 @@ class CentroidShift:
     def _centroid_std_m(self, block: Block) -> Array:
         """Return the noise of the mean centroid of a block, shape (2,): by its scatter, or as stated by few images."""
         wrenches = block.wrenches
-        if len(wrenches) < LEAST_SCATTER:
+        if len(wrenches) < LEAST_READINGS:
             return np.full(2, self._torque_nm / (float(block.load[2]) * math.sqrt(len(wrenches))))
         centroids = wrenches[:, (4, 3)] / wrenches[:, 2:3]
         return np.asarray(centroids.std(axis=0) / math.sqrt(len(wrenches) - 1))

@@ -11,15 +11,11 @@ import math
 
 import numpy as np
 
-from slipd.motion.evidence import Evidence, f_surprise
+from slipd.motion.evidence import LASTS_NS, REFERENCE, Evidence, f_surprise
 from slipd.types.arrays import Array
 from slipd.types.samples import ObjectSample
 from slipd_client.quaternions import conjugate, product, rotation_vector
 
-SETTLED_NS = 200_000_000
-"""A hold this young still settles."""
-REFERENCE_POSES = 12
-"""Poses of the reference, with which the noise is measured."""
 REACH_M = 0.05
 """An error of the position is one of the direction at this distance, m: half the size of an object."""
 KNOWN = 1e6
@@ -64,7 +60,7 @@ class OutsideMotion:
             return None
         if self._since_ns is None:
             self._begin(t_ns)
-        if t_ns - (self._since_ns or t_ns) < SETTLED_NS:
+        if t_ns - (self._since_ns or t_ns) < LASTS_NS:
             return None
         found = [surprise for surprise in (_of_speed(reading), self._of_pose(reading)) if surprise is not None]
         if not found:
@@ -85,9 +81,9 @@ class OutsideMotion:
         if self._first and len(pose) != len(self._first[0]):  # the orientation came or went
             self._begin(self._since_ns)
             pose = self._pose(reading.xyz_m, reading.quat_xyzw)
-        if len(self._first) < REFERENCE_POSES:
+        if len(self._first) < REFERENCE:
             self._first.append(pose)
-            if len(self._first) == REFERENCE_POSES:
+            if len(self._first) == REFERENCE:
                 self._measure()
             return None
         away = pose - self._mean
@@ -98,9 +94,9 @@ class OutsideMotion:
         poses = np.array(self._first)
         measured, stated = poses.var(axis=0, ddof=1), self._std_m**2
         self._mean = poses.mean(axis=0)
-        self._variance = measured * (1.0 + 1.0 / REFERENCE_POSES) + stated
+        self._variance = measured * (1.0 + 1.0 / REFERENCE) + stated
         most = max(float(measured.max()), 1e-6 * stated)
-        self._freedom = min((REFERENCE_POSES - 1) * ((most + stated) / most) ** 2, KNOWN)  # Welch and Satterthwaite
+        self._freedom = min((REFERENCE - 1) * ((most + stated) / most) ** 2, KNOWN)  # Welch and Satterthwaite
 
     def _pose(self, xyz_m: tuple[float, ...], quat_xyzw: tuple[float, ...] | None) -> Array:
         """Return position and, where it is known, orientation times ``REACH_M``, from that of the first."""

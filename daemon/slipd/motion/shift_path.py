@@ -7,21 +7,16 @@ follow from the two.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from slipd.fusion.compiled import compiled
-from slipd.motion.evidence import f_surprise
+from slipd.motion.evidence import LASTS_NS, LEAST_STD_M, LONG_STEP, REPORTED_NS, f_surprise, walk_variance
 from slipd.motion.image_blocks import Block
 from slipd.motion.image_fit import MOTIONS
 from slipd.types.arrays import Array
 
-LONG_STEP = 4
-"""Steps of the longer second difference."""
-LEAST_STD_M = 2e-6
-"""The noise is taken as no smaller, m: images without noise, or in coarse counts, hide it."""
 KNOWN_COUNT = 20
 """Second differences that a noise known before is worth."""
 FREEDOM_SHARE = 0.5
@@ -36,8 +31,8 @@ EACH_SURPRISE = 3.0
 """The path must look like a motion by this much."""
 KEPT_NS = 10_000_000_000
 """A path begins anew after this time: charge and rubber creep for longer."""
-FIRST_NS, SHORTEST_NS, LONGEST_NS = 200_000_000, 300_000_000, 800_000_000
-"""It counts as moving for twice the time that this took, at least and at most for so long; then it rests."""
+LONGEST_NS = 800_000_000
+"""It counts as moving for twice the time that this took, and at most for so long; then it rests."""
 
 
 class PathNoise:
@@ -61,19 +56,12 @@ class PathNoise:
             self._counts[step] += 1
 
     def surprise(self, along: Array, length_m: float, steps: int) -> float:
-        """Return as `ShiftPath.surprise`; 0 while nothing is known of the noise.
-
-        Until the longer differences are many enough, all noise counts as a random walk.
-        """
+        """Return as `ShiftPath.surprise`; 0 while nothing is known of the noise."""
         count, long_count = self._counts.values()
         if not count:
             return 0.0
         short = np.maximum(self._squares[1] / count, LEAST_STD_M**2)
-        walk = 0.5 * short
-        if long_count > LONG_STEP:
-            doubt = 1.0 + 1.5 * math.sqrt(LONG_STEP / long_count)
-            longer = doubt * self._squares[LONG_STEP] / long_count
-            walk = np.minimum(walk, np.maximum(longer - short, 0.0) / (2.0 * (LONG_STEP - 1)))
+        walk = 0.5 * walk_variance(short, self._squares[LONG_STEP] / max(long_count, 1), long_count)
         deviation_m2 = float(along * along @ (short / 3.0 + steps * walk))
         return f_surprise(length_m * length_m / deviation_m2, 1, FREEDOM_SHARE * count)
 
@@ -145,8 +133,8 @@ class KnownMotion:
         if found is None:
             raise ValueError("evidence must come before it is confirmed")
         self.known = found
-        taken_ns = FIRST_NS if known is None else found.t_ns - known.t_ns
-        return found.t_ns + min(max(2 * taken_ns, SHORTEST_NS), LONGEST_NS)
+        taken_ns = LASTS_NS if known is None else found.t_ns - known.t_ns
+        return found.t_ns + min(max(2 * taken_ns, REPORTED_NS), LONGEST_NS)
 
     def rests(self, t_ns: int) -> bool:
         """Forget a confirmed motion that has ended by ``t_ns``; return whether one did."""

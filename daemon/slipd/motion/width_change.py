@@ -14,20 +14,23 @@ from statistics import fmean, variance
 
 import numpy as np
 
-from slipd.motion.evidence import Evidence, f_surprise
+from slipd.motion.evidence import (
+    LASTS_NS,
+    LEAST_READINGS,
+    LEAST_STD_M,
+    LONG_STEP,
+    REFERENCE,
+    Evidence,
+    f_surprise,
+    walk_variance,
+)
 
-SETTLED_NS = 300_000_000
-"""A hold this young still settles."""
-REFERENCE = 16
-"""Readings of the reference, with which its noise is measured."""
-LASTS_NS, LEAST_READINGS = 200_000_000, 3
-"""All readings of this time, at least so many, must differ: a shaken gripper swings back."""
 LEAST_M = 3e-4
 """A smaller change may be that of the pads, m."""
 MEDIAN_SQUARE = 0.455
 """Median of the square of a standard normal variable."""
-WINDOWS, LONG_STEP = 256, 8
-"""Windows whose means show the noise, and windows of the longer step between them."""
+WINDOWS = 256
+"""Windows whose means show the noise."""
 FOLLOW_MPS = 2e-5
 """Speed with which the reference follows, m/s: 1 mm in 50 s."""
 
@@ -74,7 +77,7 @@ class WidthChange:
         if self._since_ns is None or command != self._command:
             self._command = command
             self._begin(t_ns)
-        if t_ns - (self._since_ns or t_ns) < SETTLED_NS:
+        if t_ns - (self._since_ns or t_ns) < LASTS_NS:
             return None
         if not self._window:
             self._window_ns = t_ns
@@ -106,20 +109,15 @@ class WidthChange:
         drift = self._walk()
         # The reference follows a walk, which strays from it by about half of drift / most_m, however long it lasts.
         variance_m2 = self._variance + min(self._looks * drift, (drift / most_m) ** 2)
-        return Evidence("width", t_ns, f_surprise(change_m**2 / max(variance_m2, 1e-12), 1, REFERENCE - 1))
+        return Evidence("width", t_ns, f_surprise(change_m**2 / max(variance_m2, LEAST_STD_M**2), 1, REFERENCE - 1))
 
     def _walk(self) -> float:
         """Return the variance of one step of a random walk, m², of which the noise of the window means consists.
 
-        Steps over h windows have the variance 2 w + h d for white noise of variance w and a walk of variance d. Their
-        medians are those of the noise also where a few of them are those of a motion. Until the longer steps are many
-        enough, all noise counts as a walk.
+        The medians of the steps are those of the noise also where a few of them are those of a motion.
         """
-        short, count = _mean_square(self._means, 1), len(self._means) - LONG_STEP
-        if count < LONG_STEP:
-            return short
-        doubt = 1.0 + 1.5 * math.sqrt(LONG_STEP / count)
-        return min(max(doubt * _mean_square(self._means, LONG_STEP) - short, 0.0) / (LONG_STEP - 1), short)
+        short, longer = (np.array(_mean_square(self._means, step)) for step in (1, LONG_STEP))
+        return float(walk_variance(short, longer, len(self._means) - LONG_STEP))
 
 
 def _mean_square(means: Sequence[float], step: int) -> float:

@@ -11,13 +11,13 @@ from slipd.grasp.pad_motion import (
     AHEAD,
     BACKGROUND,
     BELIEF_AT_LIMIT,
-    LONGEST_LOOK_NS,
     LOOK_NS,
     LOOKS_PER_HOUR,
     ImageStep,
     LoadBelief,
     belong_together,
 )
+from slipd.motion.evidence import REPORTED_NS
 from slipd.types.arrays import Array
 
 PERIOD_NS = 100_000_000
@@ -72,7 +72,7 @@ def test_shares_that_change_with_the_grip_are_no_look() -> None:
 
 
 def test_a_repeated_image_or_an_early_or_late_one_is_no_look_and_a_new_grasp_begins_anew() -> None:
-    step, late_ns = ImageStep(), LOOK_NS + 2 + LONGEST_LOOK_NS
+    step, late_ns = ImageStep(), LOOK_NS + 2 + REPORTED_NS
     looks = [(0.0, 0), (0.1, LOOK_NS - 1), (0.0, LOOK_NS), (0.1, LOOK_NS + 1), (0.2, late_ns), (0.3, late_ns + LOOK_NS)]
     seen = [step.update([pad(shift)], t_ns) is not None for shift, t_ns in looks]
     assert seen == [False, False, False, True, False, True]

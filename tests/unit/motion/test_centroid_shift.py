@@ -10,8 +10,8 @@ from chirps import chirp
 from nanoseconds import MS
 
 from slipd.fusion.levels import WrenchUncertainty
-from slipd.motion.evidence import Evidence
-from slipd.motion.image_blocks import BLOCK_S, Block
+from slipd.motion.evidence import BLOCK_S, Evidence
+from slipd.motion.image_blocks import Block
 from slipd.motion.image_fit import ImageComparison
 from slipd.motion.image_shift import CentroidShift
 from slipd.motion.shift_path import LONGEST_NS, KnownMotion, Motion, PathNoise, ShiftPath

@@ -12,10 +12,10 @@ from plain_kernels import run_without_compilation
 
 from slipd.fusion.levels import WrenchUncertainty
 from slipd.motion import image_blocks, image_fit, shift_path
-from slipd.motion.evidence import Evidence, f_surprise
+from slipd.motion.evidence import LONG_STEP, REPORTED_NS, Evidence, f_surprise
 from slipd.motion.image_blocks import ImageBlocks
 from slipd.motion.image_shift import ImageShift
-from slipd.motion.shift_path import LONG_STEP, LONGEST_NS, SHORTEST_NS, PathNoise
+from slipd.motion.shift_path import LONGEST_NS, PathNoise
 from slipd.signals.pad import PadGeometry
 from slipd.types.arrays import Array
 
@@ -128,16 +128,17 @@ def test_a_contact_that_turns_about_its_centroid_is_found_where_it_follows_its_t
             [1450, 1450, 1600, 1700], False,
         ),
         (
-            False, 0.0, 1e-5, {95: 28.12, 100: 30.153, 105: 32.401, 115: 32.401, 125: 32.401, 140: 32.401},
+            False, 0.0, 1e-5, {90: 31.406, 95: 36.319, 100: 38.209, 105: 41.187, 115: 41.187, 125: 41.187, 140: 41.187},
             [1450, 1450, 1550, 1700], False,
         ),
         (
-            True, 1e-3, 0.0, {90: 37.44, 95: 44.1, 100: 42.107, 105: 47.024, 120: 47.024, 135: 47.024},
-            [1450, 1500, 1650], False,
+            True, 1e-3, 0.0, {90: 41.236, 95: 47.479, 100: 46.16, 105: 51.203, 120: 51.203, 135: 51.203, 145: 51.203},
+            [1450, 1500, 1650, 1750], False,
         ),
         (
-            False, 5e-4, 1e-5, {95: 24.706, 100: 24.541, 105: 26.734, 120: 26.734, 130: 26.734, 145: 26.734},
-            [1450, 1500, 1600, 1750], True,
+            False, 5e-4, 1e-5,
+            {90: 27.195, 95: 32.709, 100: 32.591, 105: 35.522, 115: 35.522, 125: 35.522, 140: 35.522},
+            [1450, 1450, 1550, 1700], True,
         ),
     ],
 )  # fmt: skip
@@ -156,7 +157,7 @@ def test_the_surprise_of_a_patch_that_slides_or_turns_keeps_its_digits(
     assert [(end_ns - T0) / 1e6 for end_ns in until_ns] == until_ms
 
 
-@pytest.mark.parametrize(("torque", "surprises"), [(True, (11.688, 23.866)), (False, (34.49, 34.49))])
+@pytest.mark.parametrize(("torque", "surprises"), [(True, (11.688, 23.866)), (False, (41.577, 41.577))])
 def test_a_confirmed_motion_is_followed_from_taxel_to_taxel_and_forgotten_after_a_rest(
     torque: bool, surprises: tuple[float, float]
 ) -> None:
@@ -166,7 +167,7 @@ def test_a_confirmed_motion_is_followed_from_taxel_to_taxel_and_forgotten_after_
     for k, evidence in enumerate(watch(shift, 300, slides_m=1e-4, ends=140, torque=torque)):
         if evidence is not None:
             found[k] = evidence.surprise
-            assert SHORTEST_NS <= shift.confirm() - evidence.t_ns <= LONGEST_NS
+            assert REPORTED_NS <= shift.confirm() - evidence.t_ns <= LONGEST_NS
     at = list(found)
     assert (at[0], at[-1]) == (70, 145), "found after a millimetre, and followed over two taxels"
     assert np.diff(at).max() <= 10
@@ -182,12 +183,12 @@ def test_a_changing_load_is_no_motion(gripped: float, tilted: float, torque: boo
 
 
 def test_loads_are_the_same_within_shares_of_themselves_and_the_noise(monkeypatch: pytest.MonkeyPatch) -> None:
-    """4 N along X and 10 N of grip: 15 % of the one, 7 % of the other, and four standard deviations of the noise."""
+    """4 N along X and 10 N of grip: 10 % of each, and four standard deviations of the noise."""
     run_without_compilation(monkeypatch, image_blocks)
     blocks, wrench = ImageBlocks(GEOMETRY, NOISE), (4.0, 0.0, -10.0, 0.0, 0.0, 0.0)
     block = next(filter(None, (blocks.update(T0 + k * PERIOD_NS, np.full(128, 0.1), wrench) for k in range(60))))
     reach_m = 0.25 * math.hypot(8, 16) * GEOMETRY.pitch_m
-    along, across, spin, centroid = 0.6 + 0.08, 0.7 + 0.08, reach_m * 0.6 + 0.002, 1e-3 + 0.002 / 10.0
+    along, across, spin, centroid = 0.4 + 0.08, 1.0 + 0.08, reach_m * 0.4 + 0.002, 1e-3 + 0.002 / 10.0
     assert block.tolerance == pytest.approx([along, along, across, spin, centroid, centroid])
     assert block.rise_n == pytest.approx(0.03 * 4.0 + 0.08 / math.sqrt(len(block.wrenches)))
     assert block.same_load(block, np.zeros(2))
