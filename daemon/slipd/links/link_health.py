@@ -61,6 +61,10 @@ def _stream_condition(stream: StreamMeter, t_ns: int, unread_ns: int | None, lat
             f"its readings are {clock.late_ns * 1e-9:.2f} s older than before when they come:"
             " does a driver, gateway or adapter buffer them? restart it",
         )
+    if stream.host_clock and freshness.late:
+        old_s = (freshness.received_ns - freshness.acquired_ns) * 1e-9
+        why = "does the program that pushes them hold them back, or repeat a time?"
+        return Health.STALE, f"its readings are {old_s:.2f} s old when they come: {why}"
     if late_ns > freshness.stale_ns:
         return Health.WARN, f"{DAEMON_LATE} {late_ns * 1e-9:.2f} s: readings waited, the sensor went on"
     if stream.damage > 0:
@@ -104,8 +108,9 @@ def why_silent(
         others: Readings of other sensors on the same port arrive.
         state: State of the conversation with the device; "" where there is none.
     """
+    numbering = " does its `seq` count up?" if spec.transport == "external" else ""
     if others:
-        return f"readings arrive, none of sensor {sensor!r}: is it plugged in? is `sensor` right?"
+        return f"readings arrive, none of sensor {sensor!r}: is it plugged in? is `sensor` right?{numbering}"
     if not bytes_come:
         return _no_bytes(spec)
     if garbled and spec.transport in ("external", "local"):
@@ -113,7 +118,7 @@ def why_silent(
     if garbled:
         return f"bytes arrive, none is {device.frame}: {_line(device, spec)} is it another device?"
     doing = f" ({state})" if state else ""
-    return f"bytes arrive, but no reading{doing}"
+    return f"bytes arrive, but no reading{doing}{numbering and ':' + numbering}"
 
 
 def _no_bytes(spec: LinkSpec) -> str:

@@ -78,3 +78,5 @@ def test_silence_of_a_program_is_explained_as_such(device: str, port: str, words
     assert words in why_silent(DEVICES[device], spec, "", bytes_come=False, garbled=False, state="")
     garbled = why_silent(DEVICES[device], spec, "", bytes_come=True, garbled=True, state="")
     assert garbled.endswith("does the driver pack them as docs/devices.md says?")
+    others = why_silent(DEVICES[device], spec, "", bytes_come=True, garbled=False, others=True, state="")
+    assert others.endswith(" does its `seq` count up?") == (device == "external")

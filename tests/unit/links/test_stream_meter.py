@@ -161,8 +161,11 @@ def test_readings_of_another_kind_or_shape_are_refused_and_reported(parse: Parse
     assert date(pad, TactileSample(T0, T0, np.zeros(4))) == T0
 
 
-def test_the_stream_of_an_arm_takes_its_motion_alone(parse: Parse) -> None:
+def test_D6_the_stream_of_an_arm_takes_its_motion_alone_and_names_what_comes_late(parse: Parse) -> None:
     arm = made(parse, RIG, "arm")
+    assert date(arm, ArmSample(T0, T0 - 60 * MS, DOWN, STILL)) == T0 - 60 * MS
+    assert condition(arm, T0)[1].startswith("its readings are 0.06 s old when they come: does the program")
     assert date(arm, ArmSample(T0, T0 - MS, DOWN, STILL)) == T0 - MS
+    assert condition(arm, T0) == (Health.OK, "")
     assert date(arm, reading(T0, None)) is None
     assert "readings of kind WrenchSample" in condition(arm, T0)[1]
