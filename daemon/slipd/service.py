@@ -42,8 +42,8 @@ class ProcessControl:
 
     Attributes:
         ends: Signals that end the run, once the kernels are compiled; None: none do.
-        changed: Returns the next config once the file holds another than this one, and calls back with notices until
-            then; None: the file is not read again.
+        changed: Waits until the file holds another config than the given one, and returns it; meanwhile it reports
+            notices to the given function. None: the file is not read again.
         config_fault: Why the config in force is not that of the file, for people; "" where it is.
         notifier: Reports to systemd.
     """
@@ -86,13 +86,9 @@ async def serve(
         RecordingError: The recording cannot be created, or its disk failed; a failing disk does not end the run.
     """
     stop = stop or asyncio.Event()
-
-    def show_status(text: str) -> None:
-        control.notifier.send(f"STATUS={one_line(text)}")
-
     with ExitStack() as stack:
         with interruptible():
-            run = ServiceRun(config, record, stop, show_status)
+            run = ServiceRun(config, record, stop, lambda text: control.notifier.send(f"STATUS={one_line(text)}"))
             stack.callback(run.raise_failure)  # last of all: it counts more than a recording that cannot be closed
             stack.enter_context(run)
             compile_kernels()

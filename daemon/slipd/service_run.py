@@ -33,8 +33,8 @@ from slipd_client.paths import log_file, publish_endpoint, requests_endpoint, ru
 from slipd_client.repairs import summary
 
 KEEP_NS = 100_000_000
-"""Time between two looks at the state that is kept for the next run, but for the grip force, which each tick looks at:
-what a kill may cost of it."""
+"""Period at which the state for the next run is kept, ns: a kill loses no more than this much of it. A change of the
+grip force is kept at the next tick."""
 
 
 @dataclass(frozen=True, slots=True)

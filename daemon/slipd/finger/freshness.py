@@ -173,7 +173,7 @@ class Lateness:
         self.first_ns: int | None = None
         self.late_ns = 0
         self.slewed_ns = self.paused_ns = self._event_ns = 0
-        self._ahead_ns: int | None = None  # CLOCK_MONOTONIC of CLOCK_MONOTONIC_RAW at the first tick
+        self._ahead_ns: int | None = None  # CLOCK_MONOTONIC less CLOCK_MONOTONIC_RAW at the first tick
         self._tick_ns: int | None = None
         self._since_ns = self._unread_since_ns = self._unread_until_ns = 0
         self._worst: tuple[int, int] = (0, 0)

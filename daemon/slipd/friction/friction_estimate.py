@@ -14,7 +14,7 @@ STEP_NS = 20_000_000
 """A verdict takes over what was learned at multiples of this time, so that it does not depend on how readings are split
 into reads; shorter than any reaction to it."""
 MOST_OBJECTS = 256
-"""Named objects that are remembered; beyond that the one forgotten is the one not named for longest."""
+"""Named objects that are remembered; beyond that, the one that was not named for longest is forgotten."""
 
 SEEN_SHARE = 0.5
 """Part of the fall from static to dynamic friction that must be seen before it counts as slip."""
@@ -60,7 +60,7 @@ class FrictionEstimate:
         self.set_by: str | None = None
         self.set_t_ns: int | None = None
         self.rotation = RotationFriction(mu_rotation)
-        self._step = 0  # number of the 20 ms since when the state is in force
+        self._step = 0  # number of the step of STEP_NS in which the state was taken over
         self._objects: dict[str, _Knowledge] = {}
         self._name: str | None = None
         self._version = -1
@@ -208,7 +208,7 @@ class FrictionEstimate:
         return tuple(_real((lns[k], variances[k])) for k in at)
 
     def begin_step(self, times_ns: Sequence[int], begin: int) -> int:
-        """Take over what was learned, if reading ``begin`` is the first of another 20 ms.
+        """Take over what was learned, if reading ``begin`` is the first of another step of `STEP_NS`.
 
         Args:
             times_ns: When the readings were acquired, CLOCK_MONOTONIC; they rise.

@@ -98,7 +98,7 @@ class RotationFriction:
         required = max(required for _, required in self._recent)
         same = self._recent[-1][0] <= self._slips_until_s
         self._slips_until_s = until_s
-        if required < LEAST_SHARE * self.stated:
+        if not required >= LEAST_SHARE * self.stated:  # NaN: the spin of a reading is not known
             return
         if same and self._samples:
             self._samples[-1] = max(self._samples[-1], required)

@@ -151,7 +151,7 @@ class HeldObject:
         touching = first.finger.in_contact, second.finger.in_contact
         if touching != self._touching:
             self._touching, self._alike = touching, 0
-            # A stream at fault makes touches that are none: the loads still show it, but teach nothing of the object.
+            # A wrong arm stream can feign touches. The loads still show its fault, but teach nothing of the object.
             self._waiting = deque(load._replace(own=None) for load in self._waiting)
             self._estimate.forget(WAITING)
             self._swing = SwingEstimate()

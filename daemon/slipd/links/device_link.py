@@ -1,4 +1,4 @@
-"""One link: the device behind it, if that is the right one, its streams, and the most readings that it may bring."""
+"""One link: the conversation with its device, the check that it is the right one, its streams and their rate limit."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ class DeviceLink:
         guard: Compares the device with the one that is expected.
         flood: Limit of the readings that the link may bring.
         opened_ns: When the link was opened.
-        received_ns: When bytes came last; None: none came since.
-        bad_bytes_before: Bad bytes of the decoder by then.
+        received_ns: When bytes came last; None: none came since then.
+        bad_bytes_before: Bad bytes of the decoder when the link was opened.
     """
 
     def __init__(self, spec: LinkSpec, config: StreamConfig) -> None:
@@ -236,7 +236,7 @@ class IdentityGuard:
 
 
 class FloodGuard:
-    """The readings that a link may bring now: a store that fills at a multiple of the expected rate.
+    """Limits the rate of readings: a token bucket that fills at a multiple of the expected rate.
 
     Attributes:
         rate_hz: Expected rate of all streams of the link, Hz.
@@ -251,7 +251,7 @@ class FloodGuard:
         self._filled_ns = 0
 
     def open(self, t_ns: int) -> None:
-        """Begin with a full store on a link opened at ``t_ns``."""
+        """Begin with a full bucket on a link opened at ``t_ns``."""
         self._filled_ns, self._left = t_ns, self._burst()
 
     def admit(self, samples: Sequence[Sample], t_ns: int) -> Sequence[Sample]:

@@ -49,7 +49,7 @@ class StreamMeter:
         last_ns: When the newest reading was received; None before the first.
         count: Number of readings.
         rate_hz: Measured rate; None: not known yet.
-        damage: Bytes that belong to no frame, within the newest count of the rate.
+        damage: Bytes that belong to no frame, in the time over which ``rate_hz`` was measured.
         misfit: Why the newest reading does not fit the config; "" where it does.
         bad_time_ns: When a reading last had a time that is not of this host's clock; None: never.
     """

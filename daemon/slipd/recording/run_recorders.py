@@ -156,7 +156,7 @@ class RunRecorders:
         record: New file of the whole run; None: the config decides.
 
     Attributes:
-        active: What records now; call `event` and `published` unless it is empty.
+        active: The recordings that run now; where there is none, `event` and `published` need not be called.
         kept: The file of the whole run is worth keeping; it is deleted otherwise.
 
     Raises:

@@ -58,8 +58,13 @@ class StateFile:
             self._kept = self._text = text
             self._changed.notify()
         if self._thread is None:
-            self._thread = threading.Thread(target=self._run, name="state", daemon=True)
-            self._thread.start()
+            thread = threading.Thread(target=self._run, name="state", daemon=True)
+            try:
+                thread.start()
+            except RuntimeError as error:  # the system starts no more threads: the next text tries again
+                self.problem = f"{self._path}: cannot be written: {error}"
+            else:
+                self._thread = thread
 
     def close(self) -> None:
         """Write what waits, for at most `CLOSE_LIMIT_S`."""

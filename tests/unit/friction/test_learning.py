@@ -316,6 +316,7 @@ def turn(rotation: RotationFriction, t_s: float, required: float) -> None:
         ([(1.0, 0.10), (5.0, 0.05)], (0.05 * 0.10**0.6) ** (1 / 1.6)),  # the newest weighs most
         ([(1.0, 0.99 * LEAST_SHARE * STATED)], None),  # a slip with little spin is a translation
         ([(1.0, 0.99 * LEAST_SHARE * STATED), (1.2, 0.06)], 0.06),
+        ([(1.0, math.nan), (5.0, 0.06)], 0.06),  # a sensor that measured no torque
     ],
 )
 def test_the_largest_spin_before_a_turn_was_the_limit(turns: list[tuple[float, float]], learned: float | None) -> None:

@@ -7,6 +7,7 @@ import stat
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
+from threading import Thread
 
 import pytest
 
@@ -74,3 +75,11 @@ def test_a_disk_that_fails_is_reported_and_the_file_before_stays(path: Path) -> 
     assert [each.name for each in path.parent.iterdir()] == ["rig.json"]
     path.rmdir()
     assert kept(path, "again").problem == ""
+
+
+def test_a_host_that_starts_no_more_threads_is_reported(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(_: Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(Thread, "start", refuse)
+    assert "can't start new thread" in kept(path, "text").problem
