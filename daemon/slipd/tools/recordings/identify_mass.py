@@ -27,6 +27,7 @@ from slipd.signals.tare import MIN_READINGS, Average, most_std
 from slipd.tools.commission.weight_identification import Identification, identify
 from slipd.types.arrays import Array
 from slipd.types.samples import UNTRUSTED_WORDS, WrenchSample
+from slipd_client.messages.fields import TRIPLE
 
 POSE_TOLERANCE_MPS2 = 0.5
 """A pose ends when gravity has changed by this much since its start, m/s²: 3° of tilt."""
@@ -122,7 +123,7 @@ def _timed(
     for t_ns, event in recording.events():
         match event:
             case Request(body={"op": "gravity.set", "finger": name, "gravity_mps2": gravity}):
-                if name == finger and gravity_fault(gravity) is None:
+                if name == finger and TRIPLE.fits(gravity) and gravity_fault(gravity) is None:
                     yield t_ns, np.array(gravity, dtype=np.float64)
             case Bytes(name, data) if name == link:
                 for sample in decoder.receive(data, t_ns):
