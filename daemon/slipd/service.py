@@ -161,7 +161,7 @@ async def _report_losses(links: Links) -> None:
         try:
             await asyncio.sleep(LOSS_REPORT_S)
         finally:
-            for name, lost in links.losses.items():
+            for name, lost in links.losses.items():  # also of the time since the last look, when it is cancelled
                 if lost != reported.get(name, (0, 0)):
                     _log.warning(
                         "%s: %d commands not sent (line down, or not read), %d datagrams lost so far",

@@ -42,7 +42,7 @@ class HeldMotion:
 
     def update_image(self, finger: Finger) -> Found:
         """Judge what the newest image of a finger shows, after `Finger.update_image`."""
-        motion, evidence = finger.motion, finger.found
+        motion, evidence = finger.motion, finger.motion_evidence
         if motion is None:
             return self._update_pads()
         kinds = () if evidence is None else self._risks[finger.name].update(evidence)

@@ -59,7 +59,7 @@ class Finger:
         image_in_newtons: Likewise the loads of the image.
         friction: Coefficients of friction in use, and who set them.
         motion: Looks for motion in the images; None without a pad in front of a force sensor.
-        found: Evidence of motion in the newest image; None where it shows none.
+        motion_evidence: Evidence of motion in the newest image; None where it shows none.
         freshness: Of the force readings.
         presence: Whether something presses on the pad.
         trust: Whether the readings are trusted, and a grip may be raised on them.
@@ -88,7 +88,7 @@ class Finger:
         if pad is not None and self.force is not None and self.image is not None:
             self._check = ForceImageCheck(config, pad, self.force, self.image, state)
         self.motion: ImageShift | None = None
-        self.found: Evidence | None = None
+        self.motion_evidence: Evidence | None = None
         if wrench is not None and self.image is not None and not self.image.three_axis:
             lever_m = math.hypot(*wrench.pad_from_sensor.xyz_m)
             torque_nm = math.hypot(wrench.torque_std_nm, lever_m * wrench.force_std_n)
@@ -168,7 +168,7 @@ class Finger:
         image.update(sample, t_ns, summary, arrival)
         if check is not None and self.motion is not None:
             check.update_image(t_ns, known=normal_n is not None)
-            self.found = self._look_for_motion(self.motion, image, check, before_ns, t_ns)
+            self.motion_evidence = self._look_for_motion(self.motion, image, check, before_ns, t_ns)
         readings = image.force_reading(sample, t_ns) if self.force is None and image.three_axis else None
         self._follow_image()
         return () if readings is None else (self._judge(readings, arrival),)

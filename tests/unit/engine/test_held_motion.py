@@ -105,10 +105,10 @@ def test_weak_evidence_of_an_image_is_no_motion() -> None:
     run = play(FINE, FREE)
     finger = run.engine._fingers["left"]
     for surprise in (1.0, 2.0):
-        finger.found = Evidence("image_change", 0, surprise)
+        finger.motion_evidence = Evidence("image_change", 0, surprise)
         assert run.engine._motion.update_image(finger) == []
     run.image(patch(0.0).astype(int))
-    assert finger.found is None, "it is that of the newest image"
+    assert finger.motion_evidence is None, "it is that of the newest image"
 
 
 @pytest.mark.parametrize("steps", [1, 4])
