@@ -80,5 +80,4 @@ class Rig:
             held = HeldObject(grasp, self.fingers, self.arm, self.named)
             advice = MotionAdvice(grasp, self.fingers, held, self.arm)
             self.grasp = GraspParts(GraspView(grasp, self.fingers), held, advice)
-        view = None if self.grasp is None else self.grasp.view
-        self.reflex = make_reflex_controller(config, view, self.gripper)
+        self.reflex = make_reflex_controller(config, None if self.grasp is None else self.grasp.view, self.gripper)

@@ -67,8 +67,7 @@ def force_conditions(force: ForceChannel, t_ns: int) -> list[Condition]:
         missing = "an arm stream ([grasp.arm]) removes it, or gravity.set, slipctl gravity or slipctl serve ros2"
         found.append((Health.WARN, f"no fresh gravity: the finger's weight may add {unknown_n:.2f} N; {missing}"))
         if force.tare.current.gravity_mps2 is None:
-            text = "tare it once more while gravity is known: the last tare holds an unknown weight"
-            found.append((Health.OK, text))
+            found.append((Health.OK, "tare it once more while gravity is known: the last tare holds an unknown weight"))
     if force.drift is not None and force.drift.total >= 1.0:
         found.append((Health.WARN, "its zero drifted to the limit of what is followed: tare it"))
     return found + _aborted_tare(force.tare)

@@ -72,8 +72,10 @@ def _stream_condition(stream: StreamMeter, t_ns: int, unread_ns: int | None, lat
     if stream.bad_time_ns is not None and t_ns - stream.bad_time_ns < SHOWN_NS:
         return Health.WARN, "its times are not of this host's CLOCK_MONOTONIC: receipt times are used"
     if clock.state == "not_a_clock":
-        why = "its clock is unusable (stuck, jumping, or off by more than 1000 ppm): receipt times are used"
-        return Health.WARN, why
+        return (
+            Health.WARN,
+            "its clock is unusable (stuck, jumping, or off by more than 1000 ppm): receipt times are used",
+        )
     if rate_hz is not None and abs(rate_hz - stream.expected_hz) > RATE_TOLERANCE * stream.expected_hz:
         hint = stream.rate_hint and f": {stream.rate_hint}"
         return Health.WARN, f"{rate_hz:.0f} Hz instead of {stream.expected_hz:.0f} Hz{hint}"

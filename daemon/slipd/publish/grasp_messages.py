@@ -75,21 +75,16 @@ def grasp_body(view: GraspView, hold: HoldState, held: ObjectState, t_ns: int) -
         "load_share": None if share is None else {first: share, second: 1.0 - share},
         "asymmetry": load.asymmetry,
         "width_m": state.width_m,
-        "object": object_body(held),
+        "object": {
+            "mass_kg": held.mass_kg,
+            "mass_std_kg": held.mass_std_kg,
+            "com_m": None if held.com_m is None else list(held.com_m),
+            "com_std_m": None if held.com_std_m is None else list(held.com_std_m),
+            "unknown": held.unknown,
+        },
         "age_s": load.age_s,
     }
     return finite_fields(body)
-
-
-def object_body(held: ObjectState) -> Body:
-    """Return ``object``: what is known of the object."""
-    return {
-        "mass_kg": held.mass_kg,
-        "mass_std_kg": held.mass_std_kg,
-        "com_m": None if held.com_m is None else list(held.com_m),
-        "com_std_m": None if held.com_std_m is None else list(held.com_std_m),
-        "unknown": held.unknown,
-    }
 
 
 def gripper_body(gripper: GripperControl, t_ns: int, act: ReflexAct | None = None) -> Body:
