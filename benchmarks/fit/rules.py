@@ -69,7 +69,6 @@ IMAGE: dict[str, Mapping[str, object]] = {
     "motion: lasts": {"motion.evidence.LASTS_NS": 0},
     "image: tilt, opening gap": {"motion.image_fit.MOST_TILT": inf},
     "image: along the load": {"motion.image_shift.ALONG": -inf},
-    "image: one reference": {"motion.image_shift.REFERENCES": 1},
     "image: each surprise": {"motion.shift_path.EACH_SURPRISE": -inf},
     "image: least noise": {"motion.evidence.LEAST_STD_M": 1e-9},
     "centroid: least share": {"motion.image_fit.LEAST_SHARE": 0.0},

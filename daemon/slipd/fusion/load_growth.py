@@ -6,6 +6,7 @@ What prevents a slip is time, not load.
 from __future__ import annotations
 
 from slipd.fusion.compiled import compiled
+from slipd.fusion.level_hysteresis import CERTAIN_STDS
 from slipd.fusion.load_blocks import LEVEL, mean_q
 from slipd.fusion.rows import Row, Rows
 
@@ -16,8 +17,6 @@ PARTS = 4
 part of an equal share."""
 GROWTH_PER_S = 0.15
 """A load grows from this much utilisation a second on: it would be near the limit within a second."""
-GROWTH_STDS = 6.0
-"""Its growth is more than this many standard deviations of measured noise."""
 
 
 @compiled
@@ -37,7 +36,7 @@ def grows(drop: Row, ring: Rows, mu: float, least: float) -> bool:
         return False
     newest = mean_q(ring, last, few)
     growth = newest - mean_q(ring, last - PARTS * part, few)
-    if newest < least * mu or growth < max(GROWTH_PER_S * GROWTH_S * mu, GROWTH_STDS * drop["rough"]):
+    if newest < least * mu or growth < max(GROWTH_PER_S * GROWTH_S * mu, CERTAIN_STDS * drop["rough"]):
         return False
     for k in range(1, PARTS + 1):
         before = mean_q(ring, last - k * part, few)

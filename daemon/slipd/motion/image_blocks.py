@@ -15,9 +15,9 @@ from slipd.signals.pad import PadGeometry
 from slipd.types.arrays import Array, Mask
 
 SLIGHT_SHARE = 0.03
-"""Tangential forces below this share of the normal force, and spin torques below this share of the tangential force
-times the radius, count as none. A later tangential force is no larger by more than this share: near its limit, a
-contact slips in part under a growing load."""
+"""Below this share, these count as none: tangential forces, of the normal force; spin torques, of the tangential force
+times the radius; loads of taxels, of their mean, unless one beside them has more. A later tangential force is no larger
+by more than this share: near its limit, a contact slips in part under a growing load."""
 SAME_CENTROID_M = 1e-3
 """The contact centroid is the same within this, m: a tilt moves it further before it opens a gap."""
 KEPT = 1.0 - 1.0 / 400

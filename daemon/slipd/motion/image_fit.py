@@ -22,14 +22,12 @@ import numpy as np
 
 from slipd.fusion.compiled import compiled, compiled_part
 from slipd.fusion.level_hysteresis import CERTAIN_STDS
-from slipd.motion.image_blocks import Block
+from slipd.motion.image_blocks import SLIGHT_SHARE, Block
 from slipd.signals.pad import PadGeometry
 from slipd.types.arrays import Array, Indices, Mask
 
 MODES, MOTIONS = 8, 3
 """Ways in which an image changes: gain, two of tilt, two of growth; then the motions: two of shift, and the turn."""
-ACTIVE_SHARE = 0.05
-"""A taxel belongs to the contact, with those beside it, above this share of the mean of the loaded taxels."""
 MOST_TILT = 0.3
 """A gap may open where the pressure falls across the contact by this share of its mean on either side. A change by tilt
 that is stronger, relative at the radius of gyration, may lift one edge off the pad, which looks like a motion."""
@@ -102,7 +100,7 @@ class ImageComparison:
         """
         most = [abs(after.load[2] - before.load[2]) / (3.0 * after.load[2]) * fit.radius_m] * 2
         for image in (before.image, after.image):
-            on = image > ACTIVE_SHARE * float(image.max())
+            on = image > SLIGHT_SHARE * float(image.max())
             loads = image[on]
             for axis, at in enumerate((self._x[on], self._y[on])):
                 away = at - at.mean()
@@ -172,7 +170,7 @@ def compare_taxels(
         if mean[k] > 0.1 * most:
             loads += mean[k]
             loaded += 1
-    least = ACTIVE_SHARE * loads / loaded if loaded > 0 else math.inf
+    least = SLIGHT_SHARE * loads / loaded if loaded > 0 else math.inf
     for k in range(count):
         if mean[k] > least:
             near[k] = True

@@ -1,9 +1,8 @@
 """Evidence "image_change" of a pad in front of a force sensor: the contact moves at unchanged load.
 
-Images are averaged over short blocks. Each block is compared with an earlier one of the same load, which is kept for
-some seconds: a shaken object comes back to a load, and a soft pad then to its place. The motion is fitted together with
-what load, tilt and growth do to an image (`slipd.motion.image_fit`). Where the force sensor measures the contact
-centroid, only the turn of that fit counts: `CentroidShift` follows the shift.
+Images are averaged over short blocks. Each block is compared with the first of the same load. The motion is fitted
+together with what load, tilt and growth do to an image (`slipd.motion.image_fit`). Where the force sensor measures the
+contact centroid, only the turn of that fit counts: `CentroidShift` follows the shift.
 
 The force sensor measures the centroid to micrometres, also where the edges of a contact lie between electrodes. What
 else may move it is listed in `slipd.motion.image_fit`, and needs the image to be told from a motion. Under a load that
@@ -37,8 +36,6 @@ from slipd.motion.shift_path import (
 from slipd.signals.pad import PadGeometry
 from slipd.types.arrays import Array, Mask
 
-REFERENCES = 8
-"""Loads whose images are kept."""
 AGAIN_PITCHES = 0.5
 """Beyond this shift the change of an image is not linear any more, and a new reference is taken."""
 
@@ -69,7 +66,7 @@ class ImageShift:
         self._looked = False
         self._blocks.reset()
         self._centroids.reset()
-        self._paths: list[ShiftPath] = []
+        self._path: ShiftPath | None = None
         self._noise, self._motion = PathNoise(), KnownMotion()
         self._beyond_before = self._by_centroid = False
 
@@ -109,18 +106,18 @@ class ImageShift:
         return by_centroid or by_image
 
     def _compare(self, block: Block) -> Evidence | None:
-        """Compare a block with the oldest reference of its load."""
-        oldest_ns = block.t_ns - KEPT_NS
-        if self._motion.rests(block.t_ns):
-            self._paths = []
-        self._paths = [path for path in self._paths if path.reference.t_ns >= oldest_ns]
-        for path in self._paths:
-            known_m = self._motion.shift_m(path)
-            if path.reference.same_load(block, _NOWHERE if known_m is None else known_m):
-                fit = self._images.fit(path.reference, block)
-                return None if fit is None else self._judge(fit, block, path)
-        self._paths = [*self._paths[1 - REFERENCES :], ShiftPath(block, self._noise)]
-        return None
+        """Compare a block with the first of its load."""
+        path = None if self._motion.rests(block.t_ns) else self._path
+        known_m = None if path is None else self._motion.shift_m(path)
+        if (
+            path is None
+            or block.t_ns - path.reference.t_ns > KEPT_NS
+            or not path.reference.same_load(block, _NOWHERE if known_m is None else known_m)
+        ):
+            self._path = ShiftPath(block, self._noise)
+            return None
+        fit = self._images.fit(path.reference, block)
+        return None if fit is None else self._judge(fit, block, path)
 
     def _judge(self, fit: ImageFit, block: Block, path: ShiftPath) -> Evidence | None:
         """Return evidence where the path is one of motion along the load, or goes on with one that is known."""
@@ -143,7 +140,7 @@ class ImageShift:
                 return None
             if squares >= self._far_m**2:
                 path, shift = ShiftPath(block, self._noise), _NOWHERE
-                self._paths = [path]
+                self._path = path
             return self._find(Motion(block.t_ns, shift, known.surprise, path))
         beyond = squares > LEAST_M**2 and fit.tilt < MOST_TILT
         lasts, self._beyond_before = beyond and self._beyond_before, beyond

@@ -13,8 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from load_course import MU, Watch, assess, contact_rows, watch
 
+from slipd.fusion.level_hysteresis import CERTAIN_STDS
 from slipd.fusion.levels import WrenchUncertainty
-from slipd.fusion.load_growth import GROWTH_S, GROWTH_STDS, grows
+from slipd.fusion.load_growth import GROWTH_S, grows
 from slipd.fusion.rows import CAUTION, FREE, STABLE, WARNING, Rows
 from slipd.types.arrays import Array
 
@@ -116,7 +117,7 @@ def test_a_growth_within_its_noise_does_not_count() -> None:
     load = np.arange(0.3, 0.81, 0.3e-3) * MU * 10.0
     assess(growing, contact_rows(len(load), load, 10.0, load / 10.0 / MU, np.arange(len(load)) * 1e-3), MU, NOISE)
     growth = 0.3 * GROWTH_S * MU
-    for stds, found in ((1.1 * GROWTH_STDS, True), (0.9 * GROWTH_STDS, False)):
+    for stds, found in ((1.1 * CERTAIN_STDS, True), (0.9 * CERTAIN_STDS, False)):
         growing.row["drop"]["rough"] = growth / stds
         assert grows(growing.row["drop"][0], growing.row["ring"][0], MU, 0.75) is found
     growing.row["drop"]["rough"] = 0.0
