@@ -63,6 +63,7 @@ class Finger:
         freshness: Of the force readings.
         presence: Whether something presses on the pad.
         trust: Whether the readings are trusted, and a grip may be raised on them.
+        pulled_ns: When the normal force was clearly negative last; None: never.
         zero_known: The zero of the force is known. Without it, a reading may be a bias of any size.
     """
 
@@ -82,6 +83,7 @@ class Finger:
         self.in_newtons = wrench is not None or self.image_in_newtons
         self.freshness = self.main.freshness
         self.presence, self.trust, self._guard = ContactPresence(self), Trust(self), TareGuard(self)
+        self.pulled_ns: int | None = None
         self._delayed: deque[Read] = deque()
         self._newest: FingerState | VerdictBatch = FingerState(0, STREAM_STALE)
         self._check: ForceImageCheck | None = None
@@ -208,6 +210,7 @@ class Finger:
         self._newest = batch
         if batch.phases & 1 << PULLED:
             self.tare.reject("the normal force is clearly negative")
+            self.pulled_ns = newest_ns
         if self.motion is not None and not batch.touches:
             self.motion.reset()
         if check is not None and batch.ends_at < len(batch):

@@ -52,9 +52,13 @@ class Trust:
     def for_raise(self, t_ns: int) -> bool:
         """Return whether a grip may be raised at ``t_ns``: readings and images are fresh, usable and trusted.
 
-        A repeated reading of a sensor whose readings may rest is not enough: one that hangs looks the same.
+        A repeated reading of a sensor whose readings may rest is not enough: one that hangs looks the same. Nor is one
+        right after a pull, which no object exerts, or a force sensor that measures nothing of what its pad shows.
         """
-        return self._allows(t_ns, at_rest=False)
+        pulled_ns = self._finger.pulled_ns
+        if pulled_ns is not None and t_ns - pulled_ns <= self._oldest_ns:
+            return False
+        return self._allows(t_ns, at_rest=False) and not self._finger.presence.is_denied()
 
     def at_rest(self, t_ns: int) -> bool:
         """Return whether readings are trusted as in `for_raise`, or repeat as the config allows.
@@ -159,6 +163,13 @@ class ContactPresence:
         if image is None or self._finger.force is None or image.tare.busy:
             return None
         return image.shows_contact() if image.is_fresh(freshness.received_ns, freshness.unread_ns) else None
+
+    def is_denied(self) -> bool:
+        """Return whether a fresh image in newtons shows a clear contact, of which the force sensor measures nothing."""
+        finger, image = self._finger, self._finger.image
+        if image is None or not finger.image_in_newtons or finger.in_contact or not self.shown_by_image():
+            return False
+        return bool(image.pressure.sum() > self._clear_n)
 
     def contact_force_n(self, t_ns: int) -> float | None:
         """Return the normal force of a contact at ``t_ns``, N; None without contact, or where the force is not trusted.

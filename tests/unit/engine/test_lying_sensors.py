@@ -163,6 +163,7 @@ def stuck_within_100_ms(hand: Hand) -> None:
     assert stuck > 60 - 20, "at 200 Hz"
 
 
+NEWTONS = {"axis_scale = [0.01]": "axis_scale = [1.0]\ngain_error = 0.1"}
 MAY_REST = {"stuck_after = 0": "stuck_after = 0\nrange_n = 80.0"}
 SAME, SPOILT = image(np.full(16, 30.0)), image(np.where(np.arange(16) == 5, math.nan, 30.0))
 HELD, PADLESS = skin(5.0, ms=0.0), LEFT.partition("[finger.left.pad]")[0]
@@ -279,6 +280,19 @@ COURSES: dict[str, tuple[str, dict[str, str], list[Step]]] = {
         for force_n in (3e38, -3e38, 81.0, 1e30)
         for axis in (0, 2)
     },
+    "no raise right after a pull, which nothing exerts": (
+        "",
+        {},
+        [*[force(0.0, 0.0, 5.0), level("unknown", "pulled"), live(), level("stable"), REFUSED] * 5, live(12), RAISED],
+    ),
+    "no raise on a force sensor that measures nothing of what its pad shows": (
+        "",
+        NEWTONS,
+        [
+            *(RAISED, *[force(0.0, 0.0, 0.0, std_n=0.02), image(None), HELD] * 4, level("no_contact"), REFUSED),
+            *(health("left.wrench", "the pad image shows one", severity=Health.WARN), LOWERED, live(2), RAISED),
+        ],
+    ),
     "a jump allows no raise before the next reading confirms it": (
         "",
         {},
