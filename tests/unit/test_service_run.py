@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 
 import pytest
@@ -47,25 +47,25 @@ def written(run: ServiceRun) -> list[str]:
     return run.links.written
 
 
-async def test_after_an_exception_in_the_engine_nothing_reaches_a_device(run: ServiceRun) -> None:
+def fail_in_the_loop(run: ServiceRun) -> None:
+    for context in ({"message": "a callback failed", "exception": ValueError("first")}, {"message": "another"}):
+        run.on_loop_fault(asyncio.get_running_loop(), context)
+
+
+@pytest.mark.parametrize(
+    ("fail", "error"),
+    [(lambda run: run.handle(Bytes("no such link", b"")), "no such link"), (fail_in_the_loop, "first")],
+    ids=["of the engine", "of the loop"],
+)
+async def test_after_a_failure_nothing_reaches_a_device(
+    run: ServiceRun, fail: Callable[[ServiceRun], None], error: str
+) -> None:
     run.handle(LinkUp("gripper", "port"))
-    assert written(run) == ["gripper"]
-    run.handle(Bytes("no such link", b""))
+    fail(run)
     for t_ns in range(T0, T0 + 10**9, 10**7):  # events of the same turn of the loop
         run.handle(LinkUp("gripper", "port"), t_ns)
         run.tick(Tick(), t_ns)
     run.end()
     assert written(run) == ["gripper"]
-    with pytest.raises(KeyError, match="no such link"):
-        run.raise_failure()
-
-
-async def test_after_a_fault_of_the_loop_nothing_reaches_a_device(run: ServiceRun) -> None:
-    loop = asyncio.get_running_loop()
-    run.on_loop_fault(loop, {"message": "a callback failed", "exception": ValueError("first")})
-    run.on_loop_fault(loop, {"message": "another"})
-    run.handle(LinkUp("gripper", "port"))
-    run.end()
-    assert written(run) == []
-    with pytest.raises(ValueError, match="first"):
+    with pytest.raises((KeyError, ValueError), match=error):
         run.raise_failure()

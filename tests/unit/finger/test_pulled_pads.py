@@ -82,8 +82,7 @@ COURSES: dict[str, tuple[str, bool, list[Step]]] = {
             feel(5.0),
             wrench(-5.0),
             ask("grip.adjust", ("not_ready", "delta_n"), delta_n=1.0),
-            feel(5.0),
-            ask("grip.adjust", delta_n=1.0),
+            *(serve(60), feel(5.0), ask("grip.adjust", delta_n=1.0)),
         ],
     ),
     "a pull ends a tare, and a pad that shows a contact forbids one": (
