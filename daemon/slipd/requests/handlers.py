@@ -35,6 +35,7 @@ class RequestHandlers:
 
     def __init__(self, rig: Rig, recordings: RecordingState, status: Callable[[int], Body]) -> None:
         self._boot, self._policy, self._recordings = rig.boot, rig.gripper.policy, recordings
+        self._fingers, self._status = rig.fingers, status
         free = {name for name, key in _FREED_BY.items() if getattr(rig.config.requests, key)}
         # a reflex acts on what some requests state
         self._steering = {name: op.steers for name, op in OPS.items() if rig.reflex is not None and name not in free}
@@ -42,9 +43,10 @@ class RequestHandlers:
         self._kept = IdempotencyCache()
         self._pending: dict[tuple[bytes, str | int], Body] = {}
         self._ops: dict[str, Handler] = {
-            "hello": lambda _, t_ns: replies.hello(rig.boot, t_ns, rig.fingers),
-            "status": lambda _, t_ns: status(t_ns),
-            "record.stop": lambda _, __: replies.recording_file(recordings.stop()),
+            # methods: a lambda of a copied engine would answer with the parts of the first one
+            "hello": self._hello,
+            "status": self._status_now,
+            "record.stop": self._stop_recording,
             "motion.check": partial(check_motion, advice, rig.gripper),
             **FingerHandlers(rig).ops,
             **grip_handlers(rig.gripper),
@@ -79,6 +81,15 @@ class RequestHandlers:
             return replies.granted(number, self._ops[op](request, t_ns), t_ns)
         except RefusalError as error:
             return replies.refused(number, error.refusal, t_ns)
+
+    def _hello(self, _: Request, t_ns: int) -> Body:
+        return replies.hello(self._boot, t_ns, self._fingers)
+
+    def _status_now(self, _: Request, t_ns: int) -> Body:
+        return self._status(t_ns)
+
+    def _stop_recording(self, *_: object) -> Body:
+        return replies.recording_file(self._recordings.stop())
 
     def _check_steering(self, request: Request, t_ns: int) -> None:
         """Refuse what the reflex would act on to a client that may not move the gripper."""
