@@ -47,13 +47,14 @@ class _Loosen(ast.NodeTransformer):
         return self.generic_visit(node)
 
     def visit_Name(self, node: ast.Name) -> ast.AST:
-        """Replace a constant by its place in the array, or by its value."""
+        """Replace a constant by its place in the array, or by its value; that of this file before that of all files."""
         if not node.id.isupper():
             return node
-        for file in FILES:
+        own = self._module.__name__.rsplit(".", 1)[1]
+        for file in (own, *FILES):
             name = f"{file}.{node.id}"
-            owner = importlib.import_module(f"slipd.fusion.{file}")
-            if name in self._given and vars(owner)[node.id] is vars(self._module)[node.id]:
+            owner = vars(importlib.import_module(f"slipd.fusion.{file}"))
+            if name in self._given and owner[node.id] is vars(self._module)[node.id]:
                 return ast.parse(f"given[{self._given.index(name)}]", mode="eval").body
         return ast.parse(repr(vars(self._module)[node.id]), mode="eval").body
 

@@ -125,7 +125,7 @@ def test_every_rule_has_a_constant() -> None:
 
 @pytest.mark.long
 def test_rules_with_given_constants_find_a_slip_until_they_are_left_out() -> None:
-    rules, course = LoadRules({"load_drop.MOST_PLATEAU_S", "slow_fall.LEAST_FALL"}), grasp(SLIP)
+    rules, course = LoadRules({"load_drop.RECENT_S", "slow_fall.MOST_DROP"}), grasp(SLIP)
     ((begin, _),) = rules.spans(course, {})
     assert SLIDES_S < begin < SLIDES_S + 0.03
     assert rules.spans(course, LOAD["source: falls"] | LOAD["source: slow falls"]) == []

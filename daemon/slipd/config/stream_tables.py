@@ -210,7 +210,7 @@ class Slip(StrictModel):
     Attributes:
         drop: Least relative fall of the required friction; noise may ask for more. Wrong: too low, and more
             disturbances count as slips; too high, and short slips are missed.
-        window_s: Longest fall, s; falls of 0.02 to 0.16 s that slow down are found too, whatever this is. Wrong: too
+        window_s: Longest fall, s; falls of 0.02 to 0.15 s that slow down are found too, whatever this is. Wrong: too
             short, and slips are missed or reported late; too long, and changes of the load count as slips.
         armed_at: No longer in use; `slipd check` says so. Wrong: without effect.
         hold_s: Longest time for which a slip is reported without new evidence, s. Motion that ends earlier ends it.

@@ -19,15 +19,13 @@ from slipd.fusion.rows import Row, Rows
 LEFT = 0.4
 """Motion that explains a fall leaves at most this part of it. In simulated grasps that are carried it leaves mostly
 less than 0.3 where the object sticks, and more than 0.6 where it slides."""
-SWING_S = 0.1
-"""For so long after a motion the object may begin to swing back, s."""
 MOVED, TURNED_RADPS = 0.1, 0.1
 """The arm has moved if the apparent gravity changed by this part, or the speed of its turn about the normal of the pad
 by so much."""
 CARRIED_S, FOLLOWS = 0.1, 0.15
 """An object was carried if its force has followed the apparent gravity for the first value, s, within the second, a
 part of it. In simulated grasps an object that sticks stays within 0.14; one that slides as it is lifted leaves 0.45 or
-more."""
+more. For CARRIED_S after a motion of the arm the object may begin to swing back."""
 
 
 @compiled_part
@@ -73,7 +71,7 @@ def _has_moved(drop: Row, ring: Rows, top: int) -> bool:
     """Return whether the motion of the arm changed since shortly before block ``top``."""
     k = drop["block"]
     gx, gy, turn = _mean_motion(ring, k, 1)
-    known = min(k - top + int(SWING_S / drop["dt"]), k - drop["unfelt"], drop["count"])
+    known = min(k - top + int(CARRIED_S / drop["dt"]), k - drop["unfelt"], drop["count"])
     for back in range(LEVEL, known - LEVEL, LEVEL):
         gx_then, gy_then, turn_then = _mean_motion(ring, k - back, LEVEL)
         moved = math.hypot(gx - gx_then, gy - gy_then) > MOVED * math.hypot(gx_then, gy_then)

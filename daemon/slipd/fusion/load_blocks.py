@@ -25,23 +25,29 @@ LEVEL = 8
 STEPS = 8
 """Steps of time over which the length of a block is averaged: the times of single readings jitter."""
 
-CREST_S, TOP_S, CARRIED_S, NOISE_S, SWING_S = 0.15, 0.1, 0.016, 0.2, 1.0
-"""Time constants of the decay of a crest and of the top, of the mean for ``carried``, of measured noise, and with
-which swings are forgotten, s."""
-CLIP = 3.0
-"""A difference counts as at most this many times the noise so far, so that one fall of the load hardly changes it."""
+BRIEF_S, QUICK_S, RECENT_S, MEMORY_S = 0.004, 0.024, 0.15, 1.0
+"""Times over which the load is judged, s. A jump rises within BRIEF_S, and slow falls are searched once in BRIEF_S.
+QUICK_S: the longest overshoot, the rise before a deep fall, the shortest slow fall. RECENT_S: the longest plateau and
+slow fall, the rise before a shallow fall, the decay of top and crest. Noise and swings are forgotten with MEMORY_S."""
+STDS = 3.0
+"""Noise explains at most so many standard deviations: a difference counts as no more, so that one fall of the load
+hardly changes the measured noise, and q leaves the plateau of a slide by more."""
 SECOND = 0.512
 """√(π/2) / √6: deviation of white noise over the mean size of its second differences."""
 
 ROUGH = 6.0
 """Coloured noise adds so many of its variances to that of a fall: two means, of which one is the largest of many."""
-ASIDE = 0.5
-"""The load gives way along its own direction: the part across it is at most this part of the fall."""
+MOSTLY = 0.5
+"""A change has another cause where that makes up more than this part: the load that gives way across its direction, the
+normal force that falls before a jump."""
 TIGHTER = 0.2
 """A grip grows tighter where its normal force grows by more than this part of the growth that would explain a fall."""
 
-CLOSING, CLOSING_BLOCKS = 0.1, 48
-"""The grip closes where the normal force grew by this part within these blocks."""
+LENGTHS = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48)
+"""Lengths of a plateau, a fall, and an overshoot that are tried, in blocks."""
+CHANGES = 0.1
+"""The grip closes where the normal force grows by this part within the longest of these lengths; a slide ends where q
+leaves its plateau by it."""
 
 
 @compiled
@@ -111,14 +117,14 @@ def _add_block(drop: Row, ring: Rows, q: float, normal: float, fx: float, fy: fl
     _add_motion(drop, before, row, k)
     drop["block"], drop["count"] = k, count
     short = mean_q(ring, k, min(count, LEVEL))
-    drop["smooth"] += (q - drop["smooth"]) * dt / (CARRIED_S + dt)
-    drop["top"] = max(short, drop["top"] + (short - drop["top"]) * dt / (TOP_S + dt))
+    drop["smooth"] += (q - drop["smooth"]) * dt / (QUICK_S + dt)
+    drop["top"] = max(short, drop["top"] + (short - drop["top"]) * dt / (RECENT_S + dt))
     if is_closing(ring, k, count):  # a contact that is just made carries little by much friction
         drop["carried"], drop["swing"], drop["crest"], drop["trough"] = drop["smooth"], 0.0, short, short
     elif not drop["sliding"]:
         drop["carried"] = max(drop["carried"], drop["smooth"])
     row["top"], row["carried"] = drop["top"], drop["carried"]
-    drop["seen"] += ((1.0 if gap > 0 else 0.0) - drop["seen"]) * max(dt / (NOISE_S + dt), 1.0 / count)
+    drop["seen"] += ((1.0 if gap > 0 else 0.0) - drop["seen"]) * max(dt / (MEMORY_S + dt), 1.0 / count)
     if gap > 0:
         _measure_noise(drop, ring, k, count, dt, gap)
         drop["gap"] = gap
@@ -141,11 +147,11 @@ def _add_motion(drop: Row, before: Row, row: Row, k: int) -> None:
 @compiled_part
 def _follow_swings(drop: Row, short: float, dt: float) -> None:
     """Follow the largest fall from which q came back by half."""
-    drop["swing"] -= drop["swing"] * dt / (SWING_S + dt)
+    drop["swing"] -= drop["swing"] * dt / (MEMORY_S + dt)
     if short >= drop["crest"]:
         drop["crest"], drop["trough"] = short, short
         return
-    drop["crest"] += (short - drop["crest"]) * dt / (CREST_S + dt)  # a slow fall is no swing
+    drop["crest"] += (short - drop["crest"]) * dt / (RECENT_S + dt)  # a slow fall is no swing
     drop["trough"] = min(drop["trough"], short)
     depth = drop["crest"] - drop["trough"]
     if short > drop["trough"] + 0.5 * depth:
@@ -162,16 +168,16 @@ def _measure_noise(drop: Row, ring: Rows, k: int, count: int, dt: float, gap: in
     """
     if count < 8:
         return
-    least, known = dt / (NOISE_S + dt), float(count - LEVEL)
+    least, known = dt / (MEMORY_S + dt), float(count - LEVEL)
     second = _second_difference(ring, k, gap, min(drop["gap"], count - gap - 1))
     white = max(drop["white"], 0.5 * drop["std"])
-    drop["white"] += (min(SECOND * second, CLIP * white) - drop["white"]) * max(least, 1.0 / (known + 1.0))
+    drop["white"] += (min(SECOND * second, STDS * white) - drop["white"]) * max(least, 1.0 / (known + 1.0))
     if count < 3 * LEVEL:
         return
     second = abs(mean_q(ring, k, LEVEL) - 2.0 * mean_q(ring, k - LEVEL, LEVEL) + mean_q(ring, k - 2 * LEVEL, LEVEL))
     rough = max(drop["rough"], 0.5 * drop["std"] / math.sqrt(LEVEL))
     share = max(least, 1.0 / (known - 2.0 * LEVEL + 1.0))
-    drop["rough"] += (min(SECOND * second, CLIP * rough) - drop["rough"]) * share
+    drop["rough"] += (min(SECOND * second, STDS * rough) - drop["rough"]) * share
 
 
 @compiled_part
@@ -216,8 +222,8 @@ def vibration(drop: Row, rough: float) -> float:
 @compiled_part
 def is_closing(ring: Rows, end: int, count: int) -> bool:
     """Return whether the normal force grew as that of a grip that closes, within the last of ``count`` blocks."""
-    few, back = min(count, 3), min(count, CLOSING_BLOCKS)
-    return mean_normal(ring, end, few) > (1.0 + CLOSING) * mean_normal(ring, end - back + few, few)
+    few, back = min(count, 3), min(count, LENGTHS[-1])
+    return mean_normal(ring, end, few) > (1.0 + CHANGES) * mean_normal(ring, end - back + few, few)
 
 
 @compiled_part
@@ -252,4 +258,4 @@ def goes_aside(ring: Rows, k: int, p: int, top: int, b: int) -> bool:
     size = math.hypot(fx, fy)
     dx, dy = (newest["fx"] - at["fx"]) / p - fx, (newest["fy"] - at["fy"]) / p - fy
     along, across = -(dx * fx + dy * fy), abs(dx * fy - dy * fx)
-    return size > 0.0 and across > ASIDE * max(along, 0.1 * size * size)
+    return size > 0.0 and across > MOSTLY * max(along, 0.1 * size * size)

@@ -5,10 +5,10 @@ milliseconds and stays there, whatever the load does, until the motion ends. Oth
 let go, an object that is set down, a collision, a swing. A fall is a slip only if
 
 - q rose before: friction that carries a steady load does not give way by itself,
-- it began at the largest q of the last tenth of a second, near the largest that this grasp carried without motion,
+- it began at the recent top of q, near the largest that this grasp carried without motion,
 - it is more than the noise, as stated and as measured, explains at the stated rate of false alarms, and more than twice
   any swing of the last second,
-- it ended on a plateau that is shown to be flat and has lasted longer than the fall: a load that is let go falls on, or
+- it ended on a plateau that is shown to be flat and has lasted as long as the fall: a load that is let go falls on, or
   swings about its new value on the springs of the pads,
 - the load itself gave way, along its own direction, and not the grip that became tighter,
 - it is not the way back from a push, and the motion of the arm does not explain it (`slipd.fusion.explained`).
@@ -27,7 +27,10 @@ from slipd.fusion.explained import is_explained
 from slipd.fusion.load_blocks import (
     BLOCK_S,
     GAP_S,
+    LENGTHS,
     LEVEL,
+    QUICK_S,
+    RECENT_S,
     RING,
     ROUGH,
     close_block,
@@ -41,7 +44,18 @@ from slipd.fusion.load_blocks import (
 )
 from slipd.fusion.load_jump import look_for_jump, look_for_overshoot
 from slipd.fusion.rows import Row, Rows
-from slipd.fusion.slide import CARRIED, MOST_DROP, SWINGS, begin_slide, follow_slide, surprise_of
+from slipd.fusion.slide import (
+    BACK,
+    LEAST_RISE,
+    MOST_DROP,
+    NEAR,
+    SHALLOW,
+    SLIGHT,
+    SWINGS,
+    begin_slide,
+    follow_slide,
+    surprise_of,
+)
 from slipd.fusion.slow_fall import look_for_slow_fall
 
 LOOKS = 30.0
@@ -54,35 +68,13 @@ SPARSEST_S = 0.02
 """The same for the mean distance of readings that come in bunches or with gaps, s."""
 FIRST = 5 * LEVEL
 """Before so many blocks the noise is not known."""
-PLATEAUS = (2, 3, 4, 6, 8, 12, 16, 20, 24, 32, 40, 48)
-"""Lengths of the plateau that are tried, in blocks."""
-FALLS = (0, 1, 2, 4, 6, 8, 12, 16, 22, 28)
-"""Lengths of the fall that are tried, in blocks."""
-LEAST_PLATEAU_S, MOST_PLATEAU_S = 0.005, 0.1
-"""A shorter plateau may be the turning point of a vibration; a longer one is not waited for."""
-
-EXPECTED, ODD, UNKNOWN_ODD = 0.85, 0.35, 0.5
-"""A fall from a peak of at least EXPECTED of μ is expected. Where the peak is lower by ODD of μ, its plateau must last
-four times as long; UNKNOWN_ODD, 0 to 1 on that scale, holds where μ is unknown."""
-LONGER = 1.25
-"""An expected fall's plateau lasts at least so many times as long as the fall."""
+LEAST_PLATEAU_S = 0.005
+"""A shorter plateau may be the turning point of a vibration, s."""
+ODD = 4.0
+"""A plateau lasts at least as long as its fall. Where the peak is below NEAR of μ, the fall is odd, and the plateau
+must last longer: by ODD times as much where the peak is lower by MOST_DROP of μ, or where μ is unknown."""
 FLAT = 0.15
 """A plateau changes by at most this part of the fall, and scatters by no more beyond its noise: a swing does."""
-SHOWN = 0.08
-"""Noise must leave this part of the fall, as the deviation of the plateau's change, before a plateau counts as flat."""
-BENT = 0.08
-"""Its ends lie above its middle by at most this part of the fall: the turning point of a swing is bent."""
-FROM_TOP = 0.12
-"""A fall begins within this part of itself from the top of the last tenth of a second."""
-PUSH = 0.35
-"""A rise by more than this part of the fall, in twice its time, makes it a push and its way back."""
-PUSH_S = 0.015
-"""Least time over which that rise is taken, s."""
-LEAST_RISE = 0.007
-"""Before a fall, q rose by at least this part of itself."""
-SHALLOW, RISE_S, SHORT_RISE_S = 0.22, 0.14, 0.024
-"""That rise starts from the mean of q over the second value, s, where the fall is less than the first, a part of q;
-from the mean over the third, s, where the fall is deeper."""
 
 
 @compiled_part
@@ -136,11 +128,11 @@ def _look(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
     if drop["top"] - mean_q(ring, k, 2) < max(drop["least_drop"] * drop["top"], 2.0 * noise_of(drop)):
         look_for_jump(drop, ring, t_s, mu)
         return
-    for p in PLATEAUS:
-        if (p * dt < LEAST_PLATEAU_S and p > 2) or p * dt > MOST_PLATEAU_S:
+    for p in LENGTHS:
+        if (p * dt < LEAST_PLATEAU_S and p > 2) or p * dt > RECENT_S:
             continue
         b = min(max(3, p), LEVEL)
-        for g in FALLS:
+        for g in (0, 1, *LENGTHS):
             if g > p or g * dt > drop["window_s"] or p + g + b > count:
                 break
             surprise = _surprise(drop, ring, p, g, b, mu)
@@ -164,18 +156,18 @@ def _surprise(drop: Row, ring: Rows, p: int, g: int, b: int, mu: float) -> float
     fall, before = high - low, ring[(top - b) % RING]
     if not drop["least_drop"] * high <= fall <= MOST_DROP * high or fall < SWINGS * before["swing"]:
         return 0.0
-    odd = UNKNOWN_ODD if math.isnan(mu) else min(max((EXPECTED - high / mu) / ODD, 0.0), 1.0)
-    if g * (LONGER + 3.0 * odd) > p + 1 or p * drop["dt"] < LEAST_PLATEAU_S * (1.0 + 3.0 * odd):
+    odd = 1.0 if math.isnan(mu) else min(max((NEAR - high / mu) / MOST_DROP, 0.0), 1.0)
+    if g * (1.0 + ODD * odd) > p + 1 or p * drop["dt"] < LEAST_PLATEAU_S * (1.0 + ODD * odd):
         return 0.0
     rough = vibration(drop, before["rough"])
     surprise = surprise_of(fall, math.sqrt(std * std * (1.0 / p + 1.0 / b) + ROUGH * rough * rough))
     if surprise < drop["least_surprise"] or not _is_flat(ring, k, p, low, fall, std):
         return 0.0
     half = b // 2
-    if before["top"] - high > FROM_TOP * fall + std / math.sqrt(b) or not _rose(drop, ring, top, b, high, fall):
+    if before["top"] - high > SLIGHT * fall + std / math.sqrt(b) or not _rose(drop, ring, top, b, high, fall):
         return 0.0
     falls_before = mean_q(ring, top - half, half) - mean_q(ring, top, half)
-    if falls_before > FLAT * fall + 2.0 * std / math.sqrt(half) or high < CARRIED * drop["carried"]:
+    if falls_before > FLAT * fall + 2.0 * std / math.sqrt(half) or high < NEAR * drop["carried"]:
         return 0.0
     if is_closing(ring, k, drop["count"]) or grows_tighter(ring, k, p, top, b, fall / high):
         return 0.0
@@ -188,14 +180,14 @@ def _surprise(drop: Row, ring: Rows, p: int, g: int, b: int, mu: float) -> float
 def _is_flat(ring: Rows, k: int, p: int, low: float, fall: float, std: float) -> bool:
     """Return whether the newest ``p`` blocks are shown to be flat beside a fall: no slope, no bend, little scatter."""
     half, at = p // 2, k - p
-    if 2.0 * std > SHOWN * fall * math.sqrt(p):
+    if 2.0 * std > SLIGHT * fall * math.sqrt(p):
         return False
     if abs(mean_q(ring, k, half) - mean_q(ring, at + half, half)) > FLAT * fall:
         return False
     if p >= 6:
         third = p // 3
         ends, middle = mean_q(ring, k, third) + mean_q(ring, at + third, third), mean_q(ring, k - third, p - 2 * third)
-        if abs(0.5 * ends - middle) > BENT * fall + 1.5 * std / math.sqrt(third):
+        if abs(0.5 * ends - middle) > SLIGHT * fall + 1.5 * std / math.sqrt(third):
             return False
     scatter = (ring[k % RING]["q2"] - ring[at % RING]["q2"]) / p - low * low
     return bool(scatter <= (FLAT * fall) ** 2 + 2.0 * std * std)
@@ -207,7 +199,7 @@ def _rose(drop: Row, ring: Rows, top: int, b: int, high: float, fall: float) -> 
 
     A load may be held for a moment and then let go; from such a level, friction does not fall far.
     """
-    rise_s, known = RISE_S if fall < SHALLOW * high else SHORT_RISE_S, drop["count"] - (drop["block"] - top) - b
+    rise_s, known = RECENT_S if fall < SHALLOW * high else QUICK_S, drop["count"] - (drop["block"] - top) - b
     before = min(max(2, int(rise_s / drop["dt"] + 0.5)), known)
     return bool(before >= 2 and high - mean_q(ring, top - b, before) >= LEAST_RISE * high)
 
@@ -226,8 +218,8 @@ def _is_push(drop: Row, ring: Rows, g: int, end: int, b: int, high: float, fall:
         fall: How far q fell.
         std: Deviation of a block.
     """
-    back = max(2 * g, int(PUSH_S / drop["dt"] + 0.5))
+    back = max(2 * g, int(QUICK_S / drop["dt"] + 0.5))
     known = drop["count"] - (drop["block"] - end) - b
     if known < 0:
         return True
-    return high - mean_q(ring, end - min(back, known), b) > PUSH * fall + 1.5 * std
+    return high - mean_q(ring, end - min(back, known), b) > BACK * fall + 1.5 * std

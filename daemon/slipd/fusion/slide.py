@@ -10,24 +10,28 @@ from __future__ import annotations
 import math
 
 from slipd.fusion.compiled import compiled_part
-from slipd.fusion.load_blocks import mean_q, noise_of, vibration
+from slipd.fusion.load_blocks import CHANGES, STDS, mean_q, noise_of, vibration
 from slipd.fusion.rows import Row, Rows
 
 SWINGS = 2.0
 """A fall or jump is at least so many times the largest swing of the last second."""
-CARRIED = 0.93
-"""A fall begins at no less than this part of the largest q that the grasp carried without motion."""
-MOST_DROP = 0.38
-"""Dynamic friction is rarely less than this complement of the static one; a load that is let go falls further."""
+NEAR, FROM = 0.95, 0.68
+"""From NEAR of it on, q is near the largest that the grasp carried without motion, or near the coefficient of friction.
+A fall begins near the former, and a jump goes as far beyond it. No slow fall and no jump counts below FROM of a
+coefficient of friction that is known."""
+MOST_DROP, SHALLOW = 0.38, 0.25
+"""Parts of q. A slip falls by at most MOST_DROP: dynamic friction is rarely less, and a load that is let go falls
+further. A fall of less than SHALLOW is shallow."""
+SLIGHT = 0.08
+"""What is at most this part of a fall or jump counts as nothing: the bend, the ringing, and the noise of a plateau, and
+the distance of a fall from the top."""
+BACK = 0.35
+"""A rise by more than this part of a fall makes it a push, or a swing."""
+LEAST_RISE = 0.007
+"""Before a fall, q rose by at least this part of itself; a load went on if it changed by more."""
 SETTLES_S = 0.05
-"""For so long after it was seen, a slip may still settle on a lower plateau, s."""
-LEAVES, LEAVES_STD = 0.1, 4.0
-"""Motion ends where q leaves its plateau by this part of it, and by so many deviations: friction of a moving object
-does not fall, the load of one at rest may."""
-FOLLOWS_S = 0.3
-"""Time constant with which the plateau follows q, for friction depends on speed and place, s."""
-LEAST_SLIDE_S = 0.03
-"""A slip is reported for at least this time, s."""
+"""A slip is reported for at least this time, and may settle on a lower plateau meanwhile, s. Later the plateau follows
+q with this time constant, for friction depends on speed and place."""
 
 
 @compiled_part
@@ -54,15 +58,15 @@ def follow_slide(drop: Row, ring: Rows, t_s: float) -> None:
     if age < SETTLES_S and (1.0 - MOST_DROP) * drop["most"] < short < plateau:
         drop["plateau"] += (short - plateau) * dt / (0.1 * SETTLES_S + dt)
         return
-    band = LEAVES_STD * (noise_of(drop) / math.sqrt(3.0) + vibration(drop, drop["rough"]))
-    band = max(LEAVES * plateau, band)
+    band = STDS * (noise_of(drop) / math.sqrt(3.0) + vibration(drop, drop["rough"]))
+    band = max(CHANGES * plateau, band)
     if abs(short - plateau) > band or short > drop["most"] + 0.5 * band:
-        if age >= LEAST_SLIDE_S:
+        if age >= SETTLES_S:
             _end(drop, short)
     elif age > drop["hold_s"]:
         _end(drop, short)
     else:
-        drop["plateau"] += (short - plateau) * dt / (FOLLOWS_S + dt)
+        drop["plateau"] += (short - plateau) * dt / (SETTLES_S + dt)
 
 
 @compiled_part

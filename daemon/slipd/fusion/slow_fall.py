@@ -4,7 +4,7 @@ Friction falls from μ_s to μ_d with the speed of the object, which takes up to
 The fall soon slows down, because it ends at μ_d. A load that is let go or set down falls faster and faster until half
 of it is gone. So a fall that slows down early shows slip before it has ended. It counts only if
 
-- before it and since the begin of the last slip, q rose steadily, neither in a bump nor to a push that was held, to a
+- before it and since the begin of the last slip, q rose, neither in a bump nor to a push that was held, to a
   peak near the largest q that this grasp carried and near the coefficient of friction,
 - the fall is slower now than in its fastest part, by more than noise explains; much slower if it is so deep that a load
   let go slows down as well,
@@ -25,7 +25,10 @@ import math
 from slipd.fusion.compiled import compiled_part
 from slipd.fusion.explained import is_explained
 from slipd.fusion.load_blocks import (
+    BRIEF_S,
     LEVEL,
+    QUICK_S,
+    RECENT_S,
     RING,
     ROUGH,
     goes_aside,
@@ -36,66 +39,61 @@ from slipd.fusion.load_blocks import (
     vibration,
 )
 from slipd.fusion.rows import Row, Rows
-from slipd.fusion.slide import CARRIED, MOST_DROP, SWINGS, begin_slide, surprise_of
+from slipd.fusion.slide import (
+    BACK,
+    FROM,
+    LEAST_RISE,
+    MOST_DROP,
+    NEAR,
+    SHALLOW,
+    SWINGS,
+    begin_slide,
+    surprise_of,
+)
 
-EVERY_S = 0.004
-"""Time between two searches, and between the peaks that one search tries, s."""
-QUICKEST_S, FALL_S = 0.02, 0.16
-"""Shortest and longest time since the peak, s; `slipd.fusion.load_drop` finds faster falls."""
-LEAST_FALL = 0.025
-"""Least fall, as a part of the peak."""
-LEAST_STRETCH_S, STRETCH_SHARE = 0.004, 8
-"""A rate is the difference of the means of two neighbouring stretches. Each is at least this long, s, and at least the
-fall's length divided by the second value."""
-SHALLOW, SLOWER, MUCH_SLOWER = 0.3, 0.75, 0.55
-"""A fall of less than SHALLOW of the peak has slowed down when its rate is at most SLOWER times its fastest rate, a
-deeper one at MUCH_SLOWER times that rate."""
-BACK = 0.3
-"""Largest swing of q during the fall, as a part of the fall."""
+SLOWER, MUCH_SLOWER = 0.75, 0.55
+"""A shallow fall has slowed down when its rate is at most SLOWER times its fastest rate, a deeper one at MUCH_SLOWER
+times that rate. A rate is the difference of the means of two neighbouring stretches."""
 RATE_STDS = 5.5
-"""Least slowing down of a fall, in standard deviations of the noise, unless the load went on."""
-GOES_ON = 0.01
-"""The load went on if, since the peak, the tangential force grew or the normal force fell by more than this part, and
-the normal force grew by no more."""
-FROM = 0.68
-"""Least peak, as a part of the coefficient of friction, where that is known."""
+"""Least slowing down of a fall, in standard deviations of the noise, unless the load went on: since the peak, the
+tangential force grew or the normal force fell by more than LEAST_RISE, and the normal force grew by no more."""
 NEAR_TOP = 0.05
 """A fall begins where q was last above the peak less this part of the fall."""
-RISE, RISE_S = 0.12, 0.12
-"""Before the fall, q rose for RISE_S, s, by at least RISE of its peak per second."""
-STRAIGHT, STEADY = 0.6, 0.15
-"""That rise is at least STRAIGHT of the total variation of q, which is larger in a swing. Each half has at least STEADY
-of it: of a push that is held the later half has less, of a bump the earlier one."""
-PUSH, BEYOND_PUSH = 0.65, 0.95
-"""In a time as long as the fall before the peak, q rose by at most PUSH of the fall, unless the peak is beyond
-BEYOND_PUSH times the coefficient of friction."""
+RISE_S = 0.12
+"""Before the fall, q rose for so long, s."""
+STEADY = 0.15
+"""Each half of that rise has at least this part of it: of a push that is held the later half has less, of a bump the
+earlier one."""
+PUSH = 0.65
+"""In a time as long as the fall before the peak, q rose by at most this part of the fall, unless the peak is near the
+coefficient of friction."""
 
 
 @compiled_part
 def look_for_slow_fall(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
     """Begin a slip if q rose steadily to a peak, and fell from there ever more slowly."""
     k, count, dt = drop["block"], drop["count"], drop["dt"]
-    every = max(1, int(EVERY_S / dt + 0.5))
+    every = max(1, int(BRIEF_S / dt + 0.5))
     if k % every:
         return
-    level, rise = max(1, min(LEVEL, int(2.0 * EVERY_S / dt + 0.5))), max(2, int(RISE_S / dt + 0.5))
-    oldest = int(min(FALL_S, t_s - drop["since_s"]) / dt + 0.5)  # an earlier slip explains what came before it
-    quickest, most = max(level + 2, int(QUICKEST_S / dt + 0.5)), min(oldest, count - rise - level - 1)
+    level, rise = max(1, min(LEVEL, int(2.0 * BRIEF_S / dt + 0.5))), max(2, int(RISE_S / dt + 0.5))
+    oldest = int(min(RECENT_S, t_s - drop["since_s"]) / dt + 0.5)  # an earlier slip explains what came before it
+    quickest, most = max(level + 2, int(QUICK_S / dt + 0.5)), min(oldest, count - rise - level - 1)
     back, peak = _find_peak(ring, k, quickest, most, every, level)
     before = ring[(k - back - level) % RING]
-    if back == 0 or back + every > most or peak < FROM * mu or peak < CARRIED * before["carried"]:
+    if back == 0 or back + every > most or peak < FROM * mu or peak < NEAR * before["carried"]:
         return
     noise = max(before["rough"] * math.sqrt(LEVEL), noise_of(drop))  # of a block
     hides = 0.0 if _goes_on(ring, k, back, level, peak) else noise
-    low = _level_of_slowed_fall(ring, k, back - level // 2, peak, hides, max(1, int(LEAST_STRETCH_S / dt + 0.5)))
+    low = _level_of_slowed_fall(ring, k, back - level // 2, peak, hides, max(1, int(BRIEF_S / dt + 0.5)))
     fall, surprise = peak - low, _surprise_of_fall(drop, before, peak, low, noise, level)
     if surprise < drop["least_surprise"] or goes_aside(ring, k, level, k - back, level):
         return
     top = k - _last_above(ring, k, level, back, every, level, peak - NEAR_TOP * fall)
-    if not _rises(ring, top, max(1, rise // 8), level, peak, RISE * dt):
+    if not _rises(ring, top, rise, level, peak):
         return
     risen = peak - mean_q(ring, max(k - 2 * back, k - count + level), level)
-    if not peak >= BEYOND_PUSH * mu and risen > PUSH * fall + 2.0 * noise / math.sqrt(level):
+    if not peak >= NEAR * mu and risen > PUSH * fall + 2.0 * noise / math.sqrt(level):
         return
     tightens = grows_tighter(ring, k, level, k - back, level, fall / peak)
     if not tightens and not is_explained(drop, ring, level, k - back, level, low, peak):
@@ -115,7 +113,7 @@ def _surprise_of_fall(drop: Row, before: Row, peak: float, low: float, noise: fl
         level: Blocks.
     """
     fall, rough = peak - low, vibration(drop, before["rough"])
-    if not max(LEAST_FALL * peak, SWINGS * before["swing"]) <= fall <= MOST_DROP * peak:
+    if not max(drop["least_drop"] * peak, SWINGS * before["swing"]) <= fall <= MOST_DROP * peak:
         return 0.0
     if drop["swing"] > max(before["swing"], BACK * fall):
         return 0.0
@@ -155,7 +153,7 @@ def _level_of_slowed_fall(ring: Rows, k: int, fallen: int, peak: float, noise: f
         noise: Deviation of q of a block that may hide a rate.
         least: Shortest stretch that is averaged, in blocks.
     """
-    stretch = max(least, fallen // STRETCH_SHARE)
+    stretch = max(least, fallen // LEVEL)
     while 2 * stretch <= fallen // 2:
         low = mean_q(ring, k, stretch)
         last, fastest = mean_q(ring, k - stretch, stretch) - low, 0.0
@@ -174,7 +172,7 @@ def _goes_on(ring: Rows, k: int, back: int, level: int, peak: float) -> bool:
     before, after = mean_normal(ring, k - back, level), mean_normal(ring, k, level)
     grown = _mean_shear(ring, k, level) / after - _mean_shear(ring, k - back, level) / before
     moved = max(grown / peak, (before - after) / before)
-    return bool(after <= (1.0 + GOES_ON) * before and moved > GOES_ON)
+    return bool(after <= (1.0 + LEAST_RISE) * before and moved > LEAST_RISE)
 
 
 @compiled_part
@@ -185,24 +183,8 @@ def _mean_shear(ring: Rows, end: int, count: int) -> float:
 
 
 @compiled_part
-def _rises(ring: Rows, top: int, stride: int, level: int, peak: float, rate: float) -> bool:
-    """Return whether q rose steadily to its peak at block ``top``, over eight strides of so many blocks.
-
-    Args:
-        ring: Blocks.
-        top: Where the rise ended.
-        stride: Blocks.
-        level: Blocks that are averaged.
-        peak: q at the peak.
-        rate: Least rate, in parts of the peak a block.
-    """
-    way, later, half = 0.0, peak, peak
-    for step in range(1, 9):
-        earlier = mean_q(ring, top - step * stride, level)
-        way += abs(later - earlier)
-        later = earlier
-        if step == 4:
-            half = earlier
-    risen = peak - later
-    steady = min(peak - half, half - later) >= STEADY * risen
-    return bool(steady and risen >= max(rate * 8.0 * stride * peak, STRAIGHT * way))
+def _rises(ring: Rows, top: int, rise: int, level: int, peak: float) -> bool:
+    """Return whether q rose steadily to its peak at block ``top``, over ``rise`` blocks; means are of ``level``."""
+    half = peak - mean_q(ring, top - rise // 2, level)
+    risen = peak - mean_q(ring, top - rise, level)
+    return bool(risen >= LEAST_RISE * peak and min(half, risen - half) >= STEADY * risen)

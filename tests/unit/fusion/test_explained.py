@@ -15,9 +15,9 @@ SLOWLY = np.concatenate((line(RISE), 6.0 - 1.5 * (1.0 - np.exp(-np.arange(HOLD) 
 GOES_ON = line(RISE, (6.0, 6.0, 12 + HOLD))
 STAYS = np.full(800 + 12 + HOLD, 6.0)
 LATE = np.concatenate((FALLEN[:1], np.repeat(FALLEN[:1], 49), FALLEN[:-50]))
-LAG = 8
+LAG = 7
 """By so many ms the stream of the arm's motion lags."""
-AFTER_A_GAP = np.where(np.arange(FALLEN.size) < 795, np.nan, FALLEN)
+AFTER_A_GAP = np.where(np.arange(FALLEN.size) < 799, np.nan, FALLEN)
 
 
 def slips(
@@ -113,8 +113,8 @@ def test_a_fall_of_the_spin_alone_is_a_swing_if_the_arm_just_moved(
 
 
 JUMP = line((2.0, 2.0, 500), (2.0, 5.5, 5), (5.5, 5.5, 300))
-OVERSHOT = line((2.0, 2.0, 500), (2.0, 4.0, 6), (4.0, 3.6, 4), (3.6, 3.6, 300))
-LIFTED = line((0.1, 0.1, 440), (0.1, 2.0, 60), (2.0, 4.0, 6), (4.0, 3.6, 4), (3.6, 3.6, 300))
+OVERSHOT = line((2.5, 2.5, 500), (2.5, 5.0, 6), (5.0, 4.5, 4), (4.5, 4.5, 300))
+LIFTED = line((0.1, 0.1, 440), (0.1, 2.5, 60), (2.5, 5.0, 6), (5.0, 4.5, 4), (4.5, 4.5, 300))
 STILL = np.full(OVERSHOT.size, 9.81)
 
 
