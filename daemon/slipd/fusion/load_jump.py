@@ -51,7 +51,7 @@ def look_for_jump(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
         return
     steep = max(2, int(BRIEF_S / drop["dt"] + 0.5))
     for p in PLATEAUS:
-        if p * drop["dt"] < BRIEF_S or p + steep + 2 > count:
+        if p < steep or p + steep + 2 > count:
             continue
         low, before = mean_q(ring, k, p), ring[(k - p - steep) % RING]
         rise = low - mean_q(ring, k - p - steep, 1)
