@@ -190,7 +190,7 @@ class FingerState:
             config.grip_safety,
             config.contact_growth,
         )
-        return VerdictNumbers(*(number if math.isfinite(number) else None for number in found))
+        return VerdictNumbers(*[number if math.isfinite(number) else None for number in found])
 
 
 @dataclass(slots=True, eq=False)
