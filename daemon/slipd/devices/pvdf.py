@@ -11,6 +11,7 @@ in 10 ns (u16), one count per column (i16), CRC-16/X-25 of everything after ``A5
 from __future__ import annotations
 
 import struct
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,7 @@ _VERSION = 1
 _SYNC = bytes((0xA5, 0x5A, _VERSION))
 _UNCHECKED = 2  # bytes before the version, where the checksum begins
 _HEAD = struct.Struct("<BHIH")  # row, scan, time of the row's first taxel in µs, dwell in 10 ns
+_PREDICTED = 6  # bytes of a row that are known beforehand: sync, row and scan
 _COUNTS_AT = len(_SYNC) + _HEAD.size
 _CRC_LENGTH = 2
 _DWELL_UNIT_NS = 10
@@ -58,10 +60,14 @@ class Decoder(FrameDecoder):
             raise ValueError(f"rows and cols must be from 1 to {MAX_SIDE}, got {rows} x {cols}")
         super().__init__()
         self._rows = rows
+        self._grid = rows, cols
         self._row_bytes = 2 * cols
-        length = _COUNTS_AT + self._row_bytes + _CRC_LENGTH
-        check = checksums.x25_check(_UNCHECKED, length)
-        self._frames = FixedLengthScanner(_SYNC, length, check, self.health)
+        self._length = _COUNTS_AT + self._row_bytes + _CRC_LENGTH
+        self._size = rows * self._length  # of a scan
+        self._columns = itemgetter(*(slice(at, None, self._length) for at in range(_PREDICTED)))
+        self._fixed_columns = [*(bytes((byte,)) * rows for byte in _SYNC), bytes(range(rows))]
+        check = checksums.x25_check(_UNCHECKED, self._length)
+        self._frames = FixedLengthScanner(_SYNC, self._length, check, self.health)
         self._scan: int | None = None
         self._scan_time_us = 0
         self._dwell_ns = 0
@@ -69,6 +75,26 @@ class Decoder(FrameDecoder):
         self._counts: list[bytes] = []
 
     def _readings(self, data: bytes, t_ns: int) -> list[TactileSample]:
+        samples: list[TactileSample] = []
+        while self._begins_next_scan(data):
+            _, self._scan, self._scan_time_us, dwell = _HEAD.unpack_from(data, len(_SYNC))
+            self._dwell_ns = dwell * _DWELL_UNIT_NS
+            samples.append(self._complete(np.ndarray(self._grid, "<i2", data, _COUNTS_AT, (self._length, 2)), t_ns))
+            data = data[self._size :]
+        return samples + self._decode_rows(data, t_ns) if data else samples
+
+    def _begins_next_scan(self, data: bytes) -> bool:
+        """Return whether bytes begin with all rows of the scan after the newest one, in order, as they usually do."""
+        if len(data) < self._size or self._open or self._scan is None or not self._frames.in_sync:
+            return False
+        scan = data[: self._size]
+        low, high = ((self._scan + 1) % _SCAN_SPAN).to_bytes(2, "little")
+        columns = (*self._fixed_columns, bytes((low,)) * self._rows, bytes((high,)) * self._rows)
+        starts = range(_UNCHECKED, self._size, self._length)
+        return self._columns(scan) == columns and checksums.x25_all_match(scan, starts, self._length - _UNCHECKED)
+
+    def _decode_rows(self, data: bytes, t_ns: int) -> list[TactileSample]:
+        """Decode any bytes, row by row."""
         buffer, found = self._frames.receive(data)
         samples: list[TactileSample] = []
         for at, _ in found:
@@ -79,7 +105,8 @@ class Decoder(FrameDecoder):
                 counts_at = at + _COUNTS_AT
                 self._counts.append(buffer[counts_at : counts_at + self._row_bytes])
                 if row == self._rows - 1:
-                    samples.append(self._complete(t_ns))
+                    counts = np.frombuffer(b"".join(self._counts), "<i2")
+                    samples.append(self._complete(counts, t_ns))
         return samples
 
     def forget(self) -> None:
@@ -119,10 +146,10 @@ class Decoder(FrameDecoder):
                 self.health.restarts += 1
         self._scan = scan
 
-    def _complete(self, t_ns: int) -> TactileSample:
-        """Return the open scan, whose rows have all arrived."""
+    def _complete(self, counts: NDArray[np.int16], t_ns: int) -> TactileSample:
+        """Return the newest scan with these counts, in scan order."""
         self._open = False
-        values = np.frombuffer(b"".join(self._counts), "<i2").astype(np.float64)
+        values = counts.astype(np.float64).ravel()
         return TactileSample(t_ns, self._scan_time_us * 1000, values, dwell_ns=self._dwell_ns)
 
 

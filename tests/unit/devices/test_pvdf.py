@@ -122,6 +122,15 @@ def test_whole_scans_in_one_read_equal_their_frames_one_by_one(first: int, at: i
     assert results(reads) == results([read[k : k + FRAME] for read in reads for k in range(0, len(read), FRAME)])
 
 
+def test_whole_scans_are_read_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    decoder = pvdf.Decoder()
+    decoder.receive(stream(258), 0)
+    monkeypatch.setattr(decoder, "_decode_rows", None)
+    slower = b"".join(encode_scan(counts(n), n, PERIOD_US * n, 40.0) for n in (259, 260))
+    found = [(sample.values.tolist(), sample.dwell_ns) for sample in decoder.receive(slower, 0)]
+    assert found == [(counts(n).ravel().tolist(), 40_000) for n in (259, 260)]
+
+
 def test_the_documented_frame_is_encoded() -> None:
     readings = np.zeros((8, 16), dtype=np.int64)
     readings[3] = np.arange(-8, 8) * 100

@@ -34,6 +34,15 @@ def x25_check(first: int, length: int) -> Callable[[bytes, int], bool]:
     return check
 
 
+def x25_all_match(data: bytes, starts: range, length: int) -> bool:
+    """Return whether each of the pieces of one length that begin at ``starts`` ends with its CRC-16/X-25."""
+    mirrored = data.translate(_REVERSED)
+    for at in starts:  # noqa: SIM110 - a generator takes longer
+        if crc_hqx(mirrored[at : at + length], 0xFFFF) != _X25_RESIDUE:
+            return False
+    return True
+
+
 def _modbus_entry(value: int) -> int:
     for _ in range(8):
         value = value >> 1 ^ 0xA001 if value & 1 else value >> 1
