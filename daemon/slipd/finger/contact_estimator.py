@@ -158,7 +158,7 @@ class ContactEstimator:
 
         Args:
             uncertainty: By noise and by the unknown weight of the finger.
-            zero_known: The zero of the force is known. Otherwise no reading shows a contact, or that there is none.
+            zero_known: Whether the zero of the force is known. If not, readings show neither contact nor its absence.
         """
         self.certain = uncertainty.unknown_n == 0.0
         self.contact.set_uncertainty(uncertainty)

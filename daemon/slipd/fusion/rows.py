@@ -116,7 +116,7 @@ CONDITIONS = np.dtype(
 ``matrix``, ``offset``, ``weight``: a wrench of the sensor is matrix · (wrench - offset) - weight in the pad frame.
 A contact begins at the normal force ``begins_n`` and lasts down to ``lasts_n``; below ``-pulled_n`` it is PULLED.
 ``force_std_n`` and ``torque_std_nm`` are the noise of a component, ``unknown_n`` and ``unknown_nm`` what the unknown
-weight of the finger may add. Without ``zero_known`` no reading shows a contact, or that there is none. ``mu``: NaN if
+weight of the finger may add. Without ``zero_known``, readings show neither contact nor its absence. ``mu``: NaN if
 unknown; ``spin_scale``: how many times as much friction a spin uses. ``caution``, ``warning`` and ``hysteresis`` are
 thresholds of the level. ``gravity_mps2`` is the apparent gravity along X and Y of the pad by the motion of the arm, and
 ``turn_radps`` its angular velocity about the normal of the pad, both at ``gravity_s``; they are valid for readings at

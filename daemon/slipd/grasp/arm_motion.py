@@ -62,7 +62,7 @@ class MotionHistory:
         return self._times_ns[-1] if self._times_ns else 0
 
     def add(self, sample: ArmSample, t_ns: int) -> None:
-        """Add the reading of ``t_ns``; ignore one of the same time as the newest, and begin anew with an older one."""
+        """Add the reading of ``t_ns``. A repeated time is ignored; a time that goes back starts the history again."""
         if t_ns == self.newest_ns:
             return
         if t_ns < self.newest_ns:

@@ -215,7 +215,7 @@ class MessageScanner(FrameScanner, Generic[MessageT]):
         return length
 
     def _seek_begin(self, buffer: bytes, at: int) -> int:
-        """Return the index of the first byte, at ``at`` or later, where a message may begin; -1 if there is none."""
+        """Return the index, from ``at`` on, of the first byte that may begin a message; -1 if there is none."""
         begin = self._begin.search(buffer, at)
         return begin.start() if begin else -1
 

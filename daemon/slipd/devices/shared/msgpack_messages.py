@@ -103,7 +103,7 @@ def read_message(
         parse: ``parse(reader)`` returns the content of the message, or raises ValueError if its values are impossible.
 
     Returns:
-        Its length and content; 0 and None if more bytes are needed to decide; `NO_FRAME` and None if there is none.
+        Its length and content; (0, None) if more bytes are needed; (`NO_FRAME`, None) if no message begins there.
     """
     reader = MessageReader(buffer[at : at + most])
     try:
