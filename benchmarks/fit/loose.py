@@ -47,16 +47,15 @@ class _Loosen(ast.NodeTransformer):
         return self.generic_visit(node)
 
     def visit_Name(self, node: ast.Name) -> ast.AST:
-        """Replace a constant by its place in the array, or by its value; that of this file before that of all files."""
+        """Replace a constant by its place in the array, or by its value; that of this file before that of its owner."""
         if not node.id.isupper():
             return node
-        own = self._module.__name__.rsplit(".", 1)[1]
-        for file in (own, *FILES):
-            name = f"{file}.{node.id}"
-            owner = vars(importlib.import_module(f"slipd.fusion.{file}"))
-            if name in self._given and owner[node.id] is vars(self._module)[node.id]:
+        value, own = vars(self._module)[node.id], self._module.__name__.rsplit(".", 1)[1]
+        owners = (file for file in FILES if vars(importlib.import_module(f"slipd.fusion.{file}")).get(node.id) is value)
+        for file in (own, next(owners)):
+            if (name := f"{file}.{node.id}") in self._given:
                 return ast.parse(f"given[{self._given.index(name)}]", mode="eval").body
-        return ast.parse(repr(vars(self._module)[node.id]), mode="eval").body
+        return ast.parse(repr(value), mode="eval").body
 
 
 def loose_follow_load(given: Sequence[str]) -> Callable[..., bool]:
