@@ -14,6 +14,7 @@ from simulation.steps import (
     BLIND,
     HELD,
     MENDED,
+    OTHER_STABLE,
     PAD,
     RAISE,
     STABLE,
@@ -94,6 +95,12 @@ def used_or_unknown(bed):
     assert used is None or used >= 0.0
 
 
+def reads_nothing(bed):
+    """From now on the left force sensor reads its offset, with a little noise."""
+    offset = bed.engine._fingers["left"].tare.current.value
+    bed.strike(Edit(wrench(lambda _, now_ns: offset * (1.0 + 1e-4 * (now_ns % 7)))), WRENCH)
+
+
 def quiet_for_a_second(bed):
     """Check that no slip was told lately."""
     late = {level for t_ns, _, level in bed.watch.changes if t_ns > bed.t_ns - SECOND}
@@ -154,6 +161,17 @@ COURSES: dict[str, Course] = {
         HELD,
         struck(WRENCH, Edit(wrench(shifted)), 0.5, level("unknown", "disagreement", "disagreement_centroid"), excuse),
     ),
+    **{
+        f"F3 a force sensor that reads nothing in a grip is not believed until its pad is free, charge: {charge}": (
+            lambda charge=charge: Bed(1, charge=charge).hold(),
+            [
+                reads_nothing, run(0.1), *[because("disagreement_contact"), run(1.0)] * 3, OTHER_STABLE, lease,
+                ask("gripper.open", drop=True), run(1.0), level("no_contact"), status(streams={PAD: {"masked": []}}),
+                excuse,  # at first, and for the last quarter of the release, it was believed
+            ],
+        )
+        for charge in (False, True)
+    },
     "F4 a tare in contact is refused and changes nothing": (
         HELD,
         [

@@ -65,8 +65,8 @@ REASONS = {
     "not_tared": "the zero of a sensor is not known: its reading may be an offset, and its offset may hide a load",
     "pulled": "the normal force is clearly negative: sign, mounting or configuration of the sensor is wrong",
     "disagreement": "force sensor and pad image contradict each other",
-    "disagreement_contact": "they differ on whether there is a contact: the sensor measures a clear force, and the "
-    "image shows none",
+    "disagreement_contact": "they differ on whether there is a contact: one of both shows a clear contact, "
+    "the other none",
     "disagreement_centroid": "they differ on where the contact is",
     "disagreement_force": "they differ on the normal force; only where the image is calibrated to newtons",
 }

@@ -111,7 +111,7 @@ class ContactEstimator:
             begin = end
         levels = rows["assessment"]["level"].tolist()
         for k, phase in enumerate(rows["phase"].tolist() if disagreement or image_free else ()):
-            if disagreement and phase == TOUCHING and k < ends_at:
+            if disagreement and phase in (TOUCHING, FREE) and k < ends_at:
                 levels[k] = UNKNOWN
             elif image_free and phase == FREE:
                 levels[k] = NO_CONTACT

@@ -168,9 +168,10 @@ class Finger:
             normal_n = self._newest.normal_n
             summary = check.take_summary(normal_n, free=self.level == PAD_FREE.level)
         image.update(sample, t_ns, summary, arrival)
-        if check is not None and self.motion is not None:
+        if check is not None:
             check.update_image(t_ns, known=normal_n is not None)
-            self.motion_evidence = self._look_for_motion(self.motion, image, check, before_ns, t_ns)
+            if self.motion is not None:
+                self.motion_evidence = self._look_for_motion(self.motion, image, check, before_ns, t_ns)
         readings = image.force_reading(sample, t_ns) if self.force is None and image.three_axis else None
         self._follow_image()
         return () if readings is None else (self._judge(readings, arrival),)

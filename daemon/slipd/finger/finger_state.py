@@ -275,14 +275,20 @@ class VerdictBatch:
             state.verdict = Verdict("unknown", self.readings.untrusted.get(k, UNTARED.reasons))
         elif phase == PULLED:
             state.verdict = PAD_PULLED
+        elif self.disagreement and k < self.ends_at:
+            state.verdict = self._disagreement_verdict
         else:
             state.verdict = WEIGHT_UNKNOWN if self.levels[k] == UNKNOWN else PAD_FREE
         return state
 
+    @property
+    def _disagreement_verdict(self) -> Verdict:
+        return Verdict("unknown", ("disagreement", *self.disagreement))
+
     def _contact_verdict(self, state: FingerState, k: int) -> Verdict:
         """Return the verdict on reading k, which touches."""
         if self.disagreement and k < self.ends_at:
-            return Verdict("unknown", ("disagreement", *self.disagreement))
+            return self._disagreement_verdict
         level, found, friction = LEVELS[self.levels[k]], GRIP_HOLDS, self.frictions[k]
         if level != GRIP_HOLDS.level:
             judged, ratio = assessment_at(self.readings.rows, k), contact_at(self.readings.rows, k).friction_ratio

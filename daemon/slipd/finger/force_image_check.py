@@ -28,7 +28,8 @@ class ForceSummary(NamedTuple):
     """Measurements of the finger's force sensor since the image before.
 
     Attributes:
-        no_contact: It reads no contact. False also where it reads nothing: a held load must not be taken for an offset.
+        no_contact: It reads no contact. False also where it reads nothing, or has lost a contact that the image shows:
+            a held load must not be taken for an offset, or for hot taxels.
         normal_n: Normal force now, N; None: unknown.
         moving: The normal force moved beyond its noise; None: unknown.
         agrees: Force and images did not contradict each other so far.
@@ -75,7 +76,8 @@ class ForceImageCheck:
         if normal_n is None:
             return NO_SUMMARY
         moving = begin_range(self._state, normal_n) > self._moving_n
-        return ForceSummary(free, normal_n, moving, not self.disagreement)
+        lost = self._agreement.pressed and not self._image.reasons
+        return ForceSummary(free and not lost, normal_n, moving, not self.disagreement)
 
     def update_image(self, t_ns: int, *, known: bool) -> None:
         """Compare the newest image with the force at its time.
@@ -97,13 +99,17 @@ class ForceImageCheck:
         contact = Contact(
             *_contact_at(self._state, t_ns, force_std_n + unknown_n / STDS, torque_std_nm + unknown_nm / STDS)
         )
-        found = self._agreement.update(t_ns, contact, force_std_n + unknown_n, image.x, image.y, image.pressure)
-        self.disagreement = tuple(f"disagreement_{what}" for what in found) if found else ()
+        self._agreement.update(t_ns, contact, force_std_n + unknown_n, image.x, image.y, image.pressure)
+        self._follow_agreement()
 
     def reset(self) -> None:
         """Forget what was compared: the contact or a stream ended."""
-        self.disagreement = ()
         self._agreement.reset()
+        self._follow_agreement()
+
+    def _follow_agreement(self) -> None:
+        found = self._agreement.reported
+        self.disagreement = tuple(f"disagreement_{what}" for what in found) if found else ()
 
 
 @compiled

@@ -150,7 +150,7 @@ class ImageChannel:
             assumed_free = summary.no_contact
             values = pressure = self._charge.update(values, t_ns * 1e-9, assumed_free, anchor)
         free = summary.normal_n is not None and summary.no_contact and summary.normal_n > -self._least_n
-        health.update(readings, t_ns, free, summary.moving, pressure, shear)
+        health.update(readings, t_ns, free and not self.is_frozen, summary.moving, pressure, shear)
         if not doubtful and self._charge is None:
             self.zero.judge(readings, t_ns, free=summary.no_contact)
         return health.repair(values) if health.masks else values, assumed_free

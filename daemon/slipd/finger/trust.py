@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from slipd.config import Stream
 from slipd.finger.force_channel import UNTRUSTED_FAULTS
-from slipd.finger.verdict import PAD_FREE, PAD_PULLED, UNTARED, WEIGHT_UNKNOWN, Verdict
+from slipd.finger.verdict import PAD_FREE, PAD_PULLED, UNTARED, Verdict
 from slipd.signals.force_image_agreement import CLEAR
 from slipd.types.samples import UNTRUSTED_WORDS
 
@@ -107,7 +107,7 @@ class ContactPresence:
         state = finger.state
         if not finger.zero_known:
             return shown if state.verdict == UNTARED else None
-        return None if state.contact is None or state.verdict is WEIGHT_UNKNOWN else False
+        return False if state.level == PAD_FREE.level else None
 
     def is_pulled(self) -> bool:
         """Return whether the normal force is clearly negative; the counts of a pad without a tare do not show that."""
@@ -120,9 +120,9 @@ class ContactPresence:
         It decides while the pad in front of the sensor is tared, because the image has no zero yet.
         """
         finger, state = self._finger, self._finger.state
-        if finger.force is None or state.contact is None or state.verdict is WEIGHT_UNKNOWN:
+        if finger.force is None or state.contact is None or not finger.zero_known:
             return None
-        return finger.in_contact if finger.zero_known else None
+        return finger.in_contact or (False if state.level == PAD_FREE.level else None)
 
     def is_pressed_without(self, streams: Collection[str]) -> bool | None:
         """Return whether something presses, without the streams that are about to be tared: "wrench", "pad" or both."""
@@ -165,11 +165,16 @@ class ContactPresence:
         return image.shows_contact() if image.is_fresh(freshness.received_ns, freshness.unread_ns) else None
 
     def is_denied(self) -> bool:
-        """Return whether a fresh image in newtons shows a clear contact, of which the force sensor measures nothing."""
+        """Return whether the image shows a clear contact, of which the force sensor measures nothing, or nothing more.
+
+        Without the contact that the force sensor lost, only a fresh image in newtons shows that.
+        """
         finger, image = self._finger, self._finger.image
-        if image is None or not finger.image_in_newtons or finger.in_contact or not self.shown_by_image():
+        if image is None or finger.in_contact:
             return False
-        return bool(image.pressure.sum() > self._clear_n)
+        if "disagreement_contact" in finger.state.verdict.reasons:
+            return True
+        return finger.image_in_newtons and bool(self.shown_by_image() and image.pressure.sum() > self._clear_n)
 
     def contact_force_n(self, t_ns: int) -> float | None:
         """Return the normal force of a contact at ``t_ns``, N; None without contact, or where the force is not trusted.

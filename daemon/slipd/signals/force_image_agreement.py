@@ -43,6 +43,9 @@ PERSIST_IMAGES = 4
 """A disagreement counts once it has lasted for this time and this many images; a single image may be time skew."""
 AGREE_NS = 200_000_000
 """A disagreement ends once both have agreed for this time."""
+KEPT, GONE = 0.75, 0.25
+"""A force sensor that falls from a clear contact to none between two images has failed if the image keeps the first
+share of its sum; the contact lasts until the image falls below the second. A release leaves about a tenth."""
 
 _SIDES = [k for k, (down, right) in enumerate(STEPS) if down == 0 or right == 0]
 
@@ -57,6 +60,10 @@ class Agreement:
         least_n: Least normal force of a contact, N.
         gain_error: Relative error of the pad's calibration in newtons, such as 0.05; None for a pad without one, whose
             sum is not compared.
+
+    Attributes:
+        reported: Subjects of a lasting disagreement: "contact" (one of both shows a clear contact, the other none),
+            "centroid", "force".
     """
 
     def __init__(self, rows: int, cols: int, pitch_m: float, least_n: float, gain_error: float | None = None) -> None:
@@ -66,7 +73,14 @@ class Agreement:
         self._since_ns: int | None = None
         self._images = 0
         self._agreed_ns = 0
-        self._reported: tuple[str, ...] = ()
+        self._shown = 0.0
+        self._lost = False
+        self.reported: tuple[str, ...] = ()
+
+    @property
+    def pressed(self) -> bool:
+        """The last image showed a clear contact; the force sensor measures it, or has lost it."""
+        return self._shown > 0.0
 
     def update(
         self, t_ns: int, contact: Contact, force_std_n: float, x: Array, y: Array, pressure: Array
@@ -75,42 +89,53 @@ class Agreement:
 
         Args:
             t_ns: Time of the image, rising.
-            contact: Contact measured by the force sensor; an invalid one is not compared and ends a disagreement.
+            contact: Contact measured by the force sensor; an invalid one is none, or unknown, and ends a disagreement
+                unless the image keeps it.
             force_std_n: Standard deviation of its normal force, N.
             x: Taxel centres in the pad frame, shape (taxels,), m.
             y: Likewise, shape (taxels,), m.
             pressure: Normal force on each active taxel, 0 elsewhere, shape (taxels,); in newtons if calibrated.
 
         Returns:
-            Subjects of a lasting disagreement: "contact" (a clear force without an image), "centroid", "force".
+            `reported`.
         """
-        now = self._differences(contact, force_std_n, x, y, pressure)
-        if not contact.valid:
+        total, x_sum, y_sum, inner = _moments(x, y, pressure, self._sides)
+        if contact.valid:
+            now = self._differences(contact, force_std_n, total, x_sum, y_sum, inner)
+            if contact.normal_n > CLEAR * self._least_n:
+                self._shown = total if math.isfinite(total) else 0.0
+            elif not self.reported:
+                self._shown = 0.0
+            self._before = contact
+        elif self.pressed and total >= (GONE if self.reported else KEPT) * self._shown:
+            now = ("contact",)
+        else:
+            self._shown, self._lost = 0.0, False
             self.reset()
             return ()
-        self._before = contact
         if not now:
             self._since_ns, self._images = None, 0
             if t_ns - self._agreed_ns >= AGREE_NS:
-                self._reported = ()
-            return self._reported
+                self.reported, self._lost = (), False
+            return self.reported
         if self._since_ns is None:
             self._since_ns = t_ns
         self._images += 1
         self._agreed_ns = t_ns
-        if self._reported or (self._images >= PERSIST_IMAGES and t_ns - self._since_ns >= PERSIST_NS):
-            self._reported = now
-        return self._reported
+        if self.reported or (self._images >= PERSIST_IMAGES and t_ns - self._since_ns >= PERSIST_NS):
+            self.reported, self._lost = now, self._lost or not contact.valid
+        return self.reported
 
     def reset(self) -> None:
-        """Forget the comparison, because the contact or one of the streams ended."""
-        self._before, self._since_ns, self._images, self._reported = None, None, 0, ()
+        """Forget the comparison, because the contact or a stream ended; a contact that the force sensor lost lasts."""
+        self._before, self._since_ns, self._images = None, None, 0
+        if not self._lost:
+            self.reported = ()
 
     def _differences(
-        self, contact: Contact, force_std_n: float, x: Array, y: Array, pressure: Array
+        self, contact: Contact, force_std_n: float, total: float, x_sum: float, y_sum: float, inner: int
     ) -> tuple[str, ...]:
-        total, x_sum, y_sum, inner = _moments(x, y, pressure, self._sides)
-        if not (contact.valid and math.isfinite(total)):
+        if not math.isfinite(total):
             return ()
         if total <= 0.0:
             return ("contact",) if contact.normal_n > CLEAR * self._least_n else ()

@@ -28,6 +28,7 @@ from run_courses import (
     serve,
     skin,
     sleep,
+    status,
     tick,
     up,
     wait,
@@ -167,7 +168,9 @@ NEWTONS = {"axis_scale = [0.01]": "axis_scale = [1.0]\ngain_error = 0.1"}
 MAY_REST = {"stuck_after = 0": "stuck_after = 0\nrange_n = 80.0"}
 SAME, SPOILT = image(np.full(16, 30.0)), image(np.where(np.arange(16) == 5, math.nan, 30.0))
 HELD, PADLESS = skin(5.0, ms=0.0), LEFT.partition("[finger.left.pad]")[0]
+PATCH = [image(np.where(np.isin(np.arange(16), (5, 6, 9, 10)), counts, 0.0)) for counts in (300.0, 301.0)]
 WELL, RARELY = health("left.pad", severity=Health.OK), "[rates]\ntactile_hz = 0.001\n"
+NOTHING = force(0.0, 0.0, 0.0, std_n=0.02)
 REST: list[Step] = [force(0.0, 0.0, 0.0), image([0.0] * 16), skin(0.0, ms=0.0)]
 COURSES: dict[str, tuple[str, dict[str, str], list[Step]]] = {
     "no raise from the first repeated reading on, and unknown within 100 ms": (
@@ -289,8 +292,21 @@ COURSES: dict[str, tuple[str, dict[str, str], list[Step]]] = {
         "",
         NEWTONS,
         [
-            *(RAISED, *[force(0.0, 0.0, 0.0, std_n=0.02), image(None), HELD] * 4, level("no_contact"), REFUSED),
+            *(RAISED, *[NOTHING, image(None), HELD] * 4, level("no_contact"), REFUSED),
             *(health("left.wrench", "the pad image shows one", severity=Health.WARN), LOWERED, live(2), RAISED),
+        ],
+    ),
+    "pressed taxels of a pad whose force sensor died are not hot, and the finger is unknown": (
+        "",
+        {},
+        [
+            *[step for shown in PATCH * 15 for step in (force(), shown, HELD)],
+            *[step for shown in PATCH * 200 for step in (NOTHING, shown, HELD)],
+            *(level("unknown", "disagreement", "disagreement_contact"), REFUSED),
+            status(streams={"left.pad": {"masked": []}}),
+            health("left.wrench", "the pad image shows one", severity=Health.WARN),
+            *[NOTHING, image(np.zeros(16)), HELD] * 2,
+            level("no_contact"),
         ],
     ),
     "a jump allows no raise before the next reading confirms it": (

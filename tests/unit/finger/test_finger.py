@@ -118,6 +118,17 @@ def test_old_image_does_not_end_a_disagreement(finger: Finger, press: Press, mon
     assert verdict(finger.state) == verdict(state)
 
 
+def test_F3_three_axis_taxels_are_compared_with_the_force_sensor_behind_them(
+    left: str, right: str, parse: Parse, wrench: Wrench
+) -> None:
+    pads = [text.partition(f"[finger.{name}.pad]") for name, text in (("left", left), ("right", right))]
+    finger = make_finger(pads[0][0] + pads[0][1] + pads[1][2], parse)
+    for t_ns in range(T0, T0 + 200 * MS, 10 * MS):
+        finger.update_image(TactileSample(t_ns, None, np.full((4, 3), 1000.0), source="2"))
+        read_force(finger, wrench(t_ns, 5.0))
+    assert verdict(finger.state) == ("unknown", ("disagreement", "disagreement_contact"))
+
+
 def test_only_images_in_front_of_a_force_sensor_are_looked_at(left: str, parse: Parse) -> None:
     finger = make_finger(left, parse)
     with pytest.raises(ValueError, match="before it is confirmed"):
