@@ -76,7 +76,6 @@ EVIDENCE = {
     "load_drop": "the load fell from what static friction carries to what dynamic friction carries, or is larger than "
     "any friction carries",
     "image_change": "the shares of the taxels change while the load does not",
-    "spin_change": "the spin changes while the load does not",
     "width": "the width of the gripper changes while the grip force does not",
     "external": "an external driver measured that the object moves",
 }

@@ -80,8 +80,6 @@ def _finger_hints(path: str, finger: Finger) -> Iterator[tuple[str, str]]:
     elif finger.mu > USUAL_FRICTION:
         late = f"{finger.mu:g} is more than rubber usually has: warnings would come too late"
         yield f"{path}.mu", "; ".join(filter(None, (late, meant_friction(finger.mu))))
-    if finger.slip.armed_at is not None:
-        yield f"{path}.slip.armed_at", "has no effect any more: slips are found by the course of the load. Remove it"
     if finger.pad is None:
         yield path, 'no pad: rotation is not observed, so its level is never "stable"'
     else:

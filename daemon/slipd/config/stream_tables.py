@@ -212,14 +212,12 @@ class Slip(StrictModel):
             disturbances count as slips; too high, and short slips are missed.
         window_s: Longest fall, s; falls of 0.02 to 0.15 s that slow down are found too, whatever this is. Wrong: too
             short, and slips are missed or reported late; too long, and changes of the load count as slips.
-        armed_at: No longer in use; `slipd check` says so. Wrong: without effect.
         hold_s: Longest time for which a slip is reported without new evidence, s. Motion that ends earlier ends it.
             Wrong: too long, and a slip is reported after it ended unseen; too short, and the report ends too early.
     """
 
     drop: float = Field(default=0.03, gt=0.0, lt=1.0)
     window_s: SlipWindow = 0.04
-    armed_at: Positive | None = None
     hold_s: SlipHold = 3.0
 
 

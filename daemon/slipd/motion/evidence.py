@@ -19,12 +19,11 @@ from scipy.special import betainc
 from slipd.fusion.friction_learning import GAP_S
 from slipd.types.arrays import Array
 
-EVIDENCE = ("load_drop", "image_change", "spin_change", "width", "external")
+EVIDENCE = ("load_drop", "image_change", "width", "external")
 """Kinds of evidence, by their bit in ``evidence`` of `slipd.fusion.rows.ASSESSMENT`.
 
 - load_drop: The load falls from static to dynamic friction, or exceeds what any friction carries.
 - image_change: The shares of the taxels change at unchanged load.
-- spin_change: The spin changes at unchanged load.
 - width: The width of the gripper changes at unchanged grip force.
 - external: A driver of the user reports it.
 """

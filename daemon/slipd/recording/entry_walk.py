@@ -141,7 +141,7 @@ class EntryWalk:
             raise DamageError(f"channel {channel.topic!r:.80} has the number of another, or is one too many")
 
     def _end(self, end: Metadata) -> None:
-        # Files of version 0.1 have no checksum here; a damaged key must not make this file one of those.
+        # Recordings made before the checksum was added have none; a damaged key must not make this file one of those.
         known = {mcap_file.ENTRIES, mcap_file.STOPPED}
         if end.metadata.pop(mcap_file.CRC32, None) not in (None, mcap_file.checksum(end.metadata, "")) or not (
             set(end.metadata) <= known

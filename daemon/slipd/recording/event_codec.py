@@ -61,9 +61,7 @@ class _Form:
 
 
 _OF_TICK = {"unread": False, "raw_ns": 0, "wall_minus_monotonic_ns": 0}  # older recordings lack them
-_OF_FAILURE = {"path": "", "state": "failed", "lost": 0}
 _FORMS = {
-    "recording_failed": _Form(RecordingChanged, _OF_FAILURE, name=str, path=str, state=str, reason=str, lost=int),
     "bytes": _Form(Bytes, {}, link=str, data=bytes),
     "link_up": _Form(LinkUp, {}, link=str, identity=str),
     "link_down": _Form(LinkDown, {}, link=str, reason=str),
@@ -74,8 +72,6 @@ _FORMS = {
     "notice": _Form(HostNotice, {}, topic=str, text=str),
     "restored": _Form(StateRestored, {}, text=str, problem=str),
 }
-"""Forms of all kinds; "recording_failed" is in recordings of version 0.1 only."""
-
 _KINDS = {form.event_type: kind for kind, form in _FORMS.items()}
 _UNICODE_ERRORS = "surrogatepass"  # an error text of the system may contain undecodable bytes of a file name
 

@@ -19,9 +19,7 @@ from threading import Lock, Thread
 from slipd.errors import RecordingError
 from slipd.recording.mcap_file import RecordingFile
 
-_NAME = re.compile(r"(?P<kind>[a-z]+)-(?:(?P<number>\d{6,})-)?\d{8}T\d{6}Z-(?P<rest>.+)\.mcap")
-"""Recordings of this daemon; those of slipd 0.1 have no number, and are older than all that have one."""
-
+_NAME = re.compile(r"(?P<kind>[a-z]+)-(?P<number>\d{6,})-\d{8}T\d{6}Z-.+\.mcap")
 _LOCK = re.compile(r"\.run-(?P<boot>\w+)\.lock")
 
 CLOSE_LIMIT_S = 1.0
@@ -132,8 +130,8 @@ class RunFiles:
     def place(self, path: Path) -> Path:
         """Return the path with the next number of its kind: ``run-<rest>`` becomes ``run-000042-<rest>``."""
         kind, _, rest = path.name.partition("-")
-        newest = max((number for number, _ in self._numbered(kind)), default=-1)
-        return path.with_name(f"{kind}-{max(newest, 0) + 1:06}-{rest}")
+        newest = max((number for number, _ in self._numbered(kind)), default=0)
+        return path.with_name(f"{kind}-{newest + 1:06}-{rest}")
 
     def delete_oldest(self, kind: str, keep_files: int, keep_bytes: float = float("inf")) -> None:
         """Delete the oldest files of a kind, so that no more than some files and bytes remain.
@@ -169,9 +167,9 @@ class RunFiles:
         return self.folder / f".run-{self._boot}.lock"
 
     def _numbered(self, kind: str) -> list[tuple[int, Path]]:
-        """Return the files of a kind with their numbers; -1 for a file without one."""
+        """Return the files of a kind with their numbers."""
         found = [(_NAME.fullmatch(path.name), path) for path in self.folder.iterdir()]
-        return [(int(match["number"] or -1), path) for match, path in found if match and match["kind"] == kind]
+        return [(int(match["number"]), path) for match, path in found if match and match["kind"] == kind]
 
     def _other_runs(self) -> set[str]:
         """Hold the own lock; return the other runs that hold theirs, and remove lock files that were left."""

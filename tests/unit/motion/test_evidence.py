@@ -25,7 +25,7 @@ HOUR_LOOKS = 36_000.0
 
 
 def test_a_mask_names_its_kinds_in_their_fixed_order() -> None:
-    assert EVIDENCE == ("load_drop", "image_change", "spin_change", "width", "external")
+    assert EVIDENCE == ("load_drop", "image_change", "width", "external")
     for count in range(len(EVIDENCE) + 1):
         for kinds in itertools.combinations(EVIDENCE, count):
             assert evidence_names(evidence_mask(*reversed(kinds), *kinds)) == kinds

@@ -72,13 +72,11 @@ def written(**fields: object) -> bytes:
 
 
 OLD_TICK = written(n=0, t_ns=7, kind="tick", suspended_ns=5)
-OLD_FAILURE = written(n=3, t_ns=7, kind="recording_failed", name="a.mcap", reason="full")
 
 
 def test_events_of_older_recordings_are_read_and_a_tick_is_written_as_before() -> None:
     assert decode_event(OLD_TICK) == (0, 7, Tick(5)), "all lines were read"
     assert encode_event(0, 7, Tick(5)) == OLD_TICK
-    assert decode_event(OLD_FAILURE) == (3, 7, RecordingChanged("a.mcap", "", "failed", "full"))
 
 
 @given(st.binary(max_size=64))

@@ -37,9 +37,8 @@ def test_K3_the_oldest_by_number_are_deleted_whatever_the_clock_says(
         real(*what)
 
     monkeypatch.setattr(fcntl, "flock", flock)
-    (tmp_path / "run-20300101T000000Z-a-0001.mcap").write_bytes(bytes(10))  # of slipd 0.1
     kept = {str(n): record(run, f"{2030 - n}0101T000000Z", "a").name for n in range(1, 9)}
-    others = {"slipd-20200101T000000Z-a.mcap", "incident-20200101T000000Z-a.mcap", "run-mine.mcap", "run-2020.txt"}
+    others = {"slipd-20200101T000000Z-a.mcap", "incident-20200101T000000Z-a.mcap", "run-20200101T000000Z-a-0001.mcap"}
     for name in others:
         (tmp_path / name).write_bytes(bytes(10))
     run.delete_oldest("run", files, size)
