@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import replace
 
 from slipd.config import Finger as FingerConfig
@@ -33,6 +33,7 @@ from slipd.motion.evidence import Evidence, evidence_mask
 from slipd.motion.image_shift import ImageShift
 from slipd.signals.tare import Offset
 from slipd.types.samples import TactileSample
+from slipd_client.messages import LEVELS
 
 LEVELS_BY_IMAGE = frozenset({"stable", "caution"})
 """Levels that need an image. Without it they become unknown; a worse level stays as it is."""
@@ -64,6 +65,7 @@ class Finger:
         presence: Whether something presses on the pad.
         trust: Whether the readings are trusted, and a grip may be raised on them.
         pulled_ns: When the normal force was clearly negative last; None: never.
+        level: Level after the newest force reading.
         zero_known: The zero of the force is known. Without it, a reading may be a bias of any size.
     """
 
@@ -86,6 +88,7 @@ class Finger:
         self.pulled_ns: int | None = None
         self._delayed: deque[Read] = deque()
         self._newest: FingerState | VerdictBatch = FingerState(0, STREAM_STALE)
+        self.level = STREAM_STALE.level
         self._check: ForceImageCheck | None = None
         if pad is not None and self.force is not None and self.image is not None:
             self._check = ForceImageCheck(config, pad, self.force, self.image, state)
@@ -119,7 +122,7 @@ class Finger:
         if read.arrival.waited_ns or self._delayed:
             self._delayed.append(read)
             return self.decide_delayed(read.samples[-1].t_ns, read.arrival.unread_ns)
-        return self._judge_reads(force, (read,))
+        return self._judge_read(force, read)
 
     def decide_delayed(self, t_ns: int, unread_ns: int | None = None) -> Iterable[VerdictBatch]:
         """Return the verdicts on the force readings that need not wait for an image any more.
@@ -128,23 +131,24 @@ class Finger:
             t_ns: Now.
             unread_ns: How long the image's line counts as unread; None: it is empty, and no image is awaited.
         """
-        if self.force is None or not self._delayed:
+        force, image, until_ns = self.force, self.image, None
+        if force is None or not self._delayed:
             return ()
-        image, until_ns = self.image, None
         if unread_ns and image is not None and image.is_fresh(t_ns, unread_ns):
             until_ns = image.freshness.serves_until_ns(t_ns - unread_ns)
-        return self._judge_reads(self.force, pop_served(self._delayed, until_ns, t_ns, unread_ns), t_ns)
+        served = pop_served(self._delayed, until_ns, t_ns, unread_ns)
+        return (batch for read in served for batch in self._judge_read(force, read, t_ns))
 
-    def _judge_reads(
-        self, force: ForceChannel, reads: Iterable[Read], t_ns: int | None = None
-    ) -> Iterator[VerdictBatch]:
-        """Yield the verdicts on reads, as received at ``t_ns``; None: when they were."""
-        for samples, times_ns, arrival, _ in reads:
-            force.begin_read(times_ns[0], arrival)
-            step = 1 if force.tare.busy else len(samples)
-            for k in range(0, len(samples), step):
-                readings = force.condition(samples[k : k + step], times_ns[k : k + step], self._is_untouched)
-                yield self._judge(readings if t_ns is None else readings._replace(received_ns=t_ns), arrival)
+    def _judge_read(self, force: ForceChannel, read: Read, received_ns: int | None = None) -> Iterable[VerdictBatch]:
+        """Return the verdicts on a read, as received at ``received_ns``; None: when it was."""
+        samples, times_ns, arrival, _ = read
+        force.begin_read(times_ns[0], arrival)
+        if not force.tare.busy:
+            return (self._judge(force.condition(samples, times_ns, self._is_untouched, received_ns), arrival),)
+        return (
+            self._judge(force.condition((sample,), (time_ns,), self._is_untouched, received_ns), arrival)
+            for sample, time_ns in zip(samples, times_ns, strict=True)
+        )
 
     def update_image(
         self, sample: TactileSample, acquired_ns: int | None = None, arrival: Arrival = PROMPT
@@ -208,13 +212,13 @@ class Finger:
             teaches=sure and self._image_teaches and not arrival.waited_ns,
             image_free=not self._estimator.certain and self.presence.is_free_by_image(),
         )
-        self._newest = batch
+        self._newest, self.level = batch, LEVELS[batch.levels[-1]]
         if batch.phases & 1 << PULLED:
             self.tare.reject("the normal force is clearly negative")
             self.pulled_ns = newest_ns
-        if self.motion is not None and not batch.touches:
+        if self.motion is not None and batch.phases != 1 << TOUCHING:
             self.motion.reset()
-        if check is not None and batch.ends_at < len(batch):
+        if check is not None and batch.ends_at < len(batch.levels):
             check.reset()
         if self._taring:
             self._guard.check_load()
@@ -349,13 +353,8 @@ class Finger:
         newest = self._newest
         return newest if isinstance(newest, FingerState) else newest[-1]
 
-    @property
-    def level(self) -> str:
-        """Level after the newest force reading."""
-        return self._newest.level
-
     def _set_state(self, state: FingerState) -> FingerState:
-        self._newest = state
+        self._newest, self.level = state, state.verdict.level
         return state
 
     def is_fresh(self, stream: str, t_ns: int) -> bool:

@@ -113,11 +113,6 @@ class FingerState:
     _numbers: VerdictNumbers | None = field(default=None, init=False)
 
     @property
-    def level(self) -> str:
-        """Level of the verdict."""
-        return self.verdict.level
-
-    @property
     def is_stale(self) -> bool:
         """The reading is too old, or its stream ended."""
         return self.verdict is STREAM_STALE
@@ -237,17 +232,7 @@ class VerdictBatch:
 
     def phase(self, k: int) -> int:
         """Return the contact phase of reading k."""
-        return TOUCHING if self.touches else int(self.readings.rows["phase"].item(k))
-
-    @property
-    def touches(self) -> bool:
-        """All readings touch."""
-        return self.phases == 1 << TOUCHING
-
-    @property
-    def level(self) -> str:
-        """Level of the newest reading."""
-        return LEVELS[self.levels[-1]]
+        return int(self.readings.rows["phase"].item(k))
 
     @property
     def is_stale(self) -> bool:

@@ -96,7 +96,11 @@ class ForceChannel:
         self._set_conditions()
 
     def condition(
-        self, samples: Sequence[WrenchSample], times_ns: Sequence[int], untouched: Callable[[], bool | None]
+        self,
+        samples: Sequence[WrenchSample],
+        times_ns: Sequence[int],
+        untouched: Callable[[], bool | None],
+        received_ns: int | None = None,
     ) -> WrenchBatch:
         """Return the readings of one read, conditioned.
 
@@ -104,6 +108,7 @@ class ForceChannel:
             samples: The readings; only one while a tare is measured.
             times_ns: When each was acquired, CLOCK_MONOTONIC.
             untouched: Returns whether nothing touches the finger; None: unknown.
+            received_ns: When they were received; None: as they state.
         """
         statuses = [sample.status for sample in samples]
         rows = new_readings([sample.numbers for sample in samples], times_ns)
@@ -121,7 +126,8 @@ class ForceChannel:
         for k, sample in enumerate(samples):
             if not sample.has_torque:
                 rows["wrench"][k, 3:] = math.nan
-        return WrenchBatch(times_ns, samples[-1].t_ns, rows, self.drift is not None, untrusted, statuses)
+        received_ns = samples[-1].t_ns if received_ns is None else received_ns
+        return WrenchBatch(times_ns, received_ns, rows, self.drift is not None, untrusted, statuses)
 
     def begin_read(self, first_ns: int, arrival: Arrival) -> None:
         """Note how a read reached the daemon; ``first_ns``: when its first reading was acquired.
