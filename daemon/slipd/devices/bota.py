@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from slipd.devices import Device, RateOption
 from slipd.devices.shared import checksums
 from slipd.devices.shared.device_interface import check_integer
-from slipd.devices.shared.frame_scanner import FixedLengthScanner, FrameDecoder
+from slipd.devices.shared.frame_scanner import FrameDecoder, FrameScanner
 from slipd.devices.shared.sensor_session import SensorSession, Step
 from slipd.types.arrays import Array
 from slipd.types.samples import Sample, WrenchSample
@@ -69,9 +69,8 @@ class Decoder(FrameDecoder):
     def __init__(self) -> None:
         super().__init__()
         self.text_passed = False
-        self._frames = FixedLengthScanner(
-            _HEADER, FRAME_LENGTH, checksums.x25_check(1, FRAME_LENGTH), self.health, text=_TEXT
-        )
+        measure = checksums.x25_measure(1, FRAME_LENGTH)
+        self._frames = FrameScanner(_HEADER, measure, FRAME_LENGTH, self.health, least=FRAME_LENGTH, text=_TEXT)
 
     def _readings(self, data: bytes, t_ns: int) -> list[WrenchSample]:
         buffer, found = self._frames.receive(data, t_ns)

@@ -16,7 +16,7 @@ import numpy as np
 
 from slipd.devices import Device, Need
 from slipd.devices.shared import checksums
-from slipd.devices.shared.frame_scanner import FixedLengthScanner, FrameDecoder
+from slipd.devices.shared.frame_scanner import NO_FRAME, FrameDecoder, FrameScanner
 from slipd.devices.shared.sequence_tracker import SequenceTracker
 from slipd.types.arrays import Array
 from slipd.types.samples import WrenchSample
@@ -41,7 +41,7 @@ _INVALID = 1 << CHANNELS
 _RAILS = frozenset((-(1 << 31), (1 << 31) - 1))
 _SEQUENCE_SPAN = 1 << 16
 _US_SPAN = 1 << 32
-_has_checksum = checksums.x25_check(_UNCHECKED, FRAME_LENGTH)
+_measure_sum = checksums.x25_measure(_UNCHECKED, FRAME_LENGTH)
 
 
 class Decoder(FrameDecoder):
@@ -69,7 +69,7 @@ class Decoder(FrameDecoder):
         self._offset = _array("offset", offset, (CHANNELS,), LARGEST_OFFSET)
         super().__init__()
         self._sequence = SequenceTracker(_SEQUENCE_SPAN, self.health, in_order=True)
-        self._frames = FixedLengthScanner(_SYNC, FRAME_LENGTH, _checksum_matches, self.health)
+        self._frames = FrameScanner(_SYNC, _measure, FRAME_LENGTH, self.health, least=FRAME_LENGTH)
 
     def _readings(self, data: bytes, t_ns: int) -> list[WrenchSample]:
         buffer, found = self._frames.receive(data, t_ns)
@@ -91,10 +91,8 @@ class Decoder(FrameDecoder):
         self._sequence.forget()
 
 
-def _checksum_matches(buffer: bytes, at: int) -> bool:
-    if buffer[at + len(_SYNC)] & _RESERVED_STATUS:
-        return False
-    return _has_checksum(buffer, at)
+def _measure(buffer: bytes, at: int) -> int:
+    return NO_FRAME if buffer[at + len(_SYNC)] & _RESERVED_STATUS else _measure_sum(buffer, at)
 
 
 def _checked_matrix(rows: Sequence[Sequence[float]]) -> Array:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from slipd.devices import Device, Need
 from slipd.devices.shared import checksums
-from slipd.devices.shared.frame_scanner import FixedLengthScanner, FrameDecoder
+from slipd.devices.shared.frame_scanner import FrameDecoder, FrameScanner
 from slipd.types.samples import TactileSample
 
 ROWS = 8
@@ -66,8 +66,8 @@ class Decoder(FrameDecoder):
         self._size = rows * self._length  # of a scan
         self._columns = itemgetter(*(slice(at, None, self._length) for at in range(_PREDICTED)))
         self._fixed_columns = [*(bytes((byte,)) * rows for byte in _SYNC), bytes(range(rows))]
-        check = checksums.x25_check(_UNCHECKED, self._length)
-        self._frames = FixedLengthScanner(_SYNC, self._length, check, self.health)
+        measure = checksums.x25_measure(_UNCHECKED, self._length)
+        self._frames = FrameScanner(_SYNC, measure, self._length, self.health, least=self._length)
         self._scan: int | None = None
         self._scan_time_us = 0
         self._dwell_ns = 0

@@ -23,7 +23,7 @@ import numpy as np
 
 from slipd.devices import Device, RateOption
 from slipd.devices.shared.device_interface import check_choice
-from slipd.devices.shared.frame_scanner import FixedLengthScanner, FrameDecoder
+from slipd.devices.shared.frame_scanner import NO_FRAME, FrameDecoder, FrameScanner
 from slipd.devices.shared.sensor_session import SensorSession, Step, strip_padding
 from slipd.types.samples import WrenchSample
 
@@ -44,14 +44,14 @@ _UNKNOWN_OVERLOAD = 0xC0
 _NAME_LENGTH = 15
 
 
-def is_valid_response(buffer: bytes, at: int) -> bool:
-    """Return whether the 19 bytes from ``at`` are a valid response."""
+def _measure(buffer: bytes, at: int) -> int:
+    """Return `RESPONSE_LENGTH` if so many bytes from ``at`` on are a valid response, else `NO_FRAME`."""
     number = buffer[at + 1]
     if buffer[at + 18] != END or (number not in READINGS and number not in _ANSWERS):
-        return False
+        return NO_FRAME
     if number in READINGS and buffer[at + 14] & _UNKNOWN_OVERLOAD:
-        return False
-    return sum(buffer[at + 1 : at + 17]) & 0xFF == buffer[at + 17]
+        return NO_FRAME
+    return RESPONSE_LENGTH if sum(buffer[at + 1 : at + 17]) & 0xFF == buffer[at + 17] else NO_FRAME
 
 
 def encode_command(number: int, arguments: bytes = b"") -> bytes:
@@ -93,7 +93,7 @@ class Decoder(FrameDecoder):
             raise ValueError(f"torque_divider must be a number of at least 1, got {torque_divider}")
         super().__init__()
         self._counts_per_unit = np.repeat((COUNTS_PER_N, torque_divider), 3)
-        self._frames = FixedLengthScanner(SYNC, RESPONSE_LENGTH, is_valid_response, self.health)
+        self._frames = FrameScanner(SYNC, _measure, RESPONSE_LENGTH, self.health, least=RESPONSE_LENGTH)
 
     def _readings(self, data: bytes, t_ns: int) -> list[WrenchSample]:
         buffer, found = self._frames.receive(data, t_ns)

@@ -69,7 +69,7 @@ class Decoder(FrameDecoder):
         self._unit_ns = timestamp_unit_ns
         self._unconfirmed: tuple[bytes, int] | None = None
         self._newest: dict[int, tuple[bytes, int]] = {}  # by finger: array of the last sample, and its time of receipt
-        self._frames = FrameScanner(_SYNC, _measure, _TYPICAL_LENGTH, self.health)
+        self._frames = FrameScanner(_SYNC, _measure, _TYPICAL_LENGTH, self.health, least=_HEAD_LENGTH)
 
     def _readings(self, data: bytes, t_ns: int) -> list[TactileSample]:
         buffer, found = self._frames.receive(data)
@@ -119,10 +119,8 @@ class Decoder(FrameDecoder):
 
 def _measure(buffer: bytes, at: int) -> int:
     """Measure a packet for `FrameScanner`; reject it as soon as a byte after its head is impossible."""
-    head = buffer[at : at + _HEAD_LENGTH]
-    if len(head) < _HEAD_LENGTH:
-        return 0
     begin = at + _HEAD_LENGTH
+    head = buffer[at:begin]
     end = begin + head[3]
     if end == begin or not (head[2] in _SENSORS or head[2] == VERSION):
         return NO_FRAME

@@ -285,13 +285,13 @@ class Finger:
 
         A stream that is stale at ``t_ns`` cannot become so again before it had time to bring a reading.
         """
-        if self._taring or self._delayed:
+        if self._delayed:
             return -1
-        since_ns = t_ns if self._newest.is_stale else self.freshness.came_ns or 0
-        force_ns, image = since_ns + self.freshness.stale_ns, self.image
-        if image is None or (image.reasons == STALE and not self._needs_image()):
-            return force_ns
-        return min(force_ns, image.fresh_until_ns)
+        since_ns, image = t_ns if self._newest.is_stale else self.freshness.came_ns or 0, self.image
+        until_ns = since_ns + self.freshness.stale_ns
+        if image is not None and (image.reasons != STALE or self._needs_image()):
+            until_ns = min(until_ns, image.fresh_until_ns)
+        return min(until_ns, self._guard.quiet_until_ns()) if self._taring else until_ns
 
     def expire_image(self, t_ns: int, unread_ns: int | None) -> bool:
         """Return whether the newest image just became too old, see `check_silence`; True once for each image."""

@@ -117,11 +117,14 @@ class TareGuard:
 
     def check_silence(self, t_ns: int, unread_ns: int | None) -> None:
         """Give up tares whose stream fell silent; arguments as of `Freshness.silent_ns`."""
-        main, image = self._finger.tare, self._finger.image
-        if main.busy and self._finger.freshness.silent_ns(t_ns, unread_ns) > LONGEST_GAP_NS:
-            main.abort("silent")
-        if image is not None and image.tare.busy and image.freshness.silent_ns(t_ns, unread_ns) > LONGEST_GAP_NS:
-            image.tare.abort("silent")
+        for channel in self._finger.channels.values():
+            if channel.tare.busy and channel.freshness.silent_ns(t_ns, unread_ns) > LONGEST_GAP_NS:
+                channel.tare.abort("silent")
+
+    def quiet_until_ns(self) -> int:
+        """Return until when `check_silence` gives up none of the tares in progress, of which there is at least one."""
+        came_ns = [channel.freshness.came_ns for channel in self._finger.channels.values() if channel.tare.busy]
+        return min(each or 0 for each in came_ns) + LONGEST_GAP_NS
 
     def check_load(self) -> None:
         """Give up tares that the load of the newest force reading would spoil."""

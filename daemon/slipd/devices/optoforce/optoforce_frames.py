@@ -50,8 +50,6 @@ _NO_TARE = 0
 
 def _measure(buffer: bytes, at: int) -> int:
     """Return the length of the valid frame from the DAQ at ``at``, 0 if it is incomplete, else `NO_FRAME`."""
-    if at + HEADER > len(buffer):
-        return 0
     length = _LENGTHS.get(buffer[at : at + HEADER], NO_FRAME)
     if at + length > len(buffer):
         return 0
@@ -191,7 +189,7 @@ class Decoder(FrameDecoder):
         self._records = rdt.RecordScanner(self.health, _UDP_RESERVED)
         self._frames, self._decode = self._records, self._decode_records
         if wiring == "serial":
-            self._frames = FrameScanner(_SYNC, _measure, _TYPICAL_LENGTH, self.health)
+            self._frames = FrameScanner(_SYNC, _measure, _TYPICAL_LENGTH, self.health, least=HEADER)
             self._decode = self._decode_frames
 
     def forget(self) -> None:

@@ -18,7 +18,7 @@ import struct
 from collections.abc import Callable, Sequence
 
 from slipd.devices.shared import modbus
-from slipd.devices.shared.frame_scanner import FixedLengthScanner, FrameDecoder
+from slipd.devices.shared.frame_scanner import NO_FRAME, FrameDecoder, FrameScanner
 from slipd.devices.shared.gripper_session import check_range
 from slipd.types.samples import GripperSample
 
@@ -109,17 +109,17 @@ class Decoder(FrameDecoder):
 
     def __init__(self, unit: int = UNIT) -> None:
         super().__init__()
-        self._frames = FixedLengthScanner(bytes((unit,)), _STATUS_LENGTH, _is_status, self.health)
+        self._frames = FrameScanner(bytes((unit,)), _measure, _STATUS_LENGTH, self.health, least=_STATUS_LENGTH)
 
     def _readings(self, data: bytes, t_ns: int) -> list[GripperSample]:
         buffer, found = self._frames.receive(data)
         return [parse_status(_STATUS.unpack_from(buffer, at + _STATUS_AT), t_ns, None) for at, _ in found]
 
 
-def _is_status(buffer: bytes, at: int) -> bool:
+def _measure(buffer: bytes, at: int) -> int:
     if buffer[at + 1] not in (modbus.READ_HOLDING, modbus.READ_INPUT) or buffer[at + 2] != _STATUS.size:
-        return False
-    return modbus.checksum_matches(buffer[at : at + _STATUS_LENGTH])
+        return NO_FRAME
+    return _STATUS_LENGTH if modbus.checksum_matches(buffer[at : at + _STATUS_LENGTH]) else NO_FRAME
 
 
 Table = Sequence[tuple[float, float]]

@@ -10,6 +10,8 @@ from __future__ import annotations
 from binascii import crc_hqx
 from collections.abc import Callable
 
+from slipd.devices.shared.frame_scanner import NO_FRAME
+
 _REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 _X25_RESIDUE = 0x1D0F
@@ -22,16 +24,17 @@ def x25(data: bytes) -> int:
     return (_REVERSED[crc & 0xFF] << 8 | _REVERSED[crc >> 8]) ^ 0xFFFF
 
 
-def x25_check(first: int, length: int) -> Callable[[bytes, int], bool]:
-    """Return a check of the frames of `FixedLengthScanner`.
+def x25_measure(first: int, length: int) -> Callable[[bytes, int], int]:
+    """Return what measures frames of one length for `FrameScanner`.
 
-    It is whether their last two bytes are the CRC-16/X-25, low byte first, of those from ``first`` on.
+    Their last two bytes are the CRC-16/X-25, low byte first, of those from ``first`` on.
     """
 
-    def check(buffer: bytes, at: int) -> bool:
-        return crc_hqx(buffer[at + first : at + length].translate(_REVERSED), 0xFFFF) == _X25_RESIDUE
+    def measure(buffer: bytes, at: int) -> int:
+        crc = crc_hqx(buffer[at + first : at + length].translate(_REVERSED), 0xFFFF)
+        return length if crc == _X25_RESIDUE else NO_FRAME
 
-    return check
+    return measure
 
 
 def x25_all_match(data: bytes, starts: range, length: int) -> bool:

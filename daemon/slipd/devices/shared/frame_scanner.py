@@ -37,6 +37,7 @@ class FrameScanner:
             to decide; `NO_FRAME` if there is none. The result must not depend on bytes after the frame, and ``measure``
             must never need more bytes than the longest frame has.
         typical: Length of an ordinary frame, bytes. Damage is counted in frames of this length.
+        least: Bytes from ``at`` on without which ``measure`` is not called: where all frames have one length, this one.
         health: Receives ``bad`` and ``bad_bytes``; the decoder updates the other counters.
         text: Bytes that are not counted as damage between frames, such as acknowledgements.
         seek: ``seek(buffer, at)`` returns the first place from ``at`` on where a frame may begin, -1 if there is none.
@@ -51,13 +52,14 @@ class FrameScanner:
         typical: int,
         health: DecoderHealth,
         *,
+        least: int = 1,
         text: bytes = b"",
         seek: Callable[[bytes, int], int] | None = None,
     ) -> None:
         self._sync = sync
         self._seek = seek or (lambda buffer, at: buffer.find(sync, at))
         self._measure = measure
-        self._length = typical
+        self._length, self._least = typical, least
         self._health = health
         self._text = text
         self._tail = b""
@@ -81,10 +83,11 @@ class FrameScanner:
             self._received_ns = t_ns
         buffer = self._tail + data if self._tail else data
         sync, measure, size = self._sync, self._measure, len(buffer)
+        last = size - self._least
         found: list[tuple[int, bool]] = []
         done = 0
         at = buffer.find(sync)
-        while 0 <= at < size:
+        while 0 <= at <= last:
             length = measure(buffer, at)
             if length == 0:
                 break
@@ -144,34 +147,6 @@ class FrameScanner:
         if self._damage == 0:
             return 0
         return max(1, (self._damage + self._length // 2) // self._length)
-
-
-class FixedLengthScanner(FrameScanner):
-    """Find frames of one length.
-
-    Args:
-        sync: First bytes of every frame.
-        length: Length of a whole frame, bytes.
-        check: ``check(buffer, at)`` returns whether the ``length`` bytes from ``at`` are a valid frame.
-        health: See `FrameScanner`.
-        text: See `FrameScanner`.
-    """
-
-    def __init__(
-        self,
-        sync: bytes,
-        length: int,
-        check: Callable[[bytes, int], bool],
-        health: DecoderHealth,
-        *,
-        text: bytes = b"",
-    ) -> None:
-        def measure(buffer: bytes, at: int) -> int:
-            if at + length > len(buffer):
-                return 0
-            return length if check(buffer, at) else NO_FRAME
-
-        super().__init__(sync, measure, length, health, text=text)
 
 
 MessageT = TypeVar("MessageT")

@@ -188,11 +188,10 @@ async def _ask(port: serial.Serial, name: str) -> Found | None:
     """Ask for one device; return it if it answers."""
     if name == "robotous":
         port.write(robotous.encode_command(robotous.PRODUCT_NAME))
-        data = b"".join([piece async for _, piece in _pieces(port, ASK_S)])
-        at = data.find(robotous.SYNC)
-        if at < 0 or not robotous.is_valid_response(data, at):
-            return None
-        return Found(name, identity=robotous.parse_name(data[at + 2 :]))
+        decoder = robotous.Decoder()
+        decoder.receive(b"".join([piece async for _, piece in _pieces(port, ASK_S)]), 0)
+        content = dict(decoder.replies).get(robotous.PRODUCT_NAME)
+        return None if content is None else Found(name, identity=robotous.parse_name(content))
     session = cast("Callable[..., Session]", DEVICES[name].session)(**question_options(DEVICES[name]))
     samples: list[tuple[int, Any]] = []
     port.write(session.start(time.monotonic_ns()))

@@ -145,8 +145,6 @@ _LENGTH_AT = 3
 
 def _measure(buffer: bytes, at: int) -> int:
     """Return the length of the request to the fingertips at ``at``, 0 if it is incomplete."""
-    if at + _HEAD_LENGTH > len(buffer):
-        return 0
     length = _HEAD_LENGTH + buffer[at + _LENGTH_AT]
     return length if at + length <= len(buffer) else 0
 
@@ -174,7 +172,7 @@ class Fingertips(EmulatedTactile):
     def __init__(self, seed: int, timestamp_unit_ns: int = 1000) -> None:
         stream = ReadingStream(seed, 1000.0, (tsf85.TAXELS,), FINGERTIP_NOISE)
         super().__init__(stream, REFRESH_HZ, timestamp_unit_ns=timestamp_unit_ns)
-        self._requests = FrameScanner(b"\x9a", _measure, _HEAD_LENGTH, DecoderHealth())
+        self._requests = FrameScanner(b"\x9a", _measure, _HEAD_LENGTH, DecoderHealth(), least=_HEAD_LENGTH)
         self._unit_ns = timestamp_unit_ns
         self._refresh = -1
         self._arrays = b""

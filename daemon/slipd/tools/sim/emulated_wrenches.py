@@ -15,7 +15,7 @@ import numpy as np
 from slipd.devices import bota, gauges, robotous
 from slipd.devices.robotous import CARRIED_HZ, COUNTS_PER_N, FILTERS_HZ, RATES_HZ
 from slipd.devices.shared.device_interface import DecoderHealth
-from slipd.devices.shared.frame_scanner import FixedLengthScanner
+from slipd.devices.shared.frame_scanner import NO_FRAME, FrameScanner
 from slipd.tools.sim.emulators import EmulatedWrench, WrenchStream, device_us, whole
 from slipd.types.arrays import Array
 
@@ -208,8 +208,9 @@ def encode_reading(counts: Sequence[int], overload: int = 0, number: int = robot
     return encode_response(number, robotous.READING_FIELDS.pack(*counts, overload))
 
 
-def _is_command(buffer: bytes, at: int) -> bool:
-    return sum(buffer[at + 1 : at + 9]) & 0xFF == buffer[at + 9] and buffer[at + 10] == robotous.END
+def _measure_command(buffer: bytes, at: int) -> int:
+    valid = sum(buffer[at + 1 : at + 9]) & 0xFF == buffer[at + 9] and buffer[at + 10] == robotous.END
+    return robotous.COMMAND_LENGTH if valid else NO_FRAME
 
 
 class RobotousSensor(EmulatedWrench):
@@ -227,7 +228,8 @@ class RobotousSensor(EmulatedWrench):
 
     def __init__(self, seed: int, torque_divider: float = 2000.0, baud: int = SLOW_BAUD) -> None:
         super().__init__(WrenchStream(seed, RATES_HZ[0]), float(CARRIED_HZ), torque_divider=torque_divider)
-        self._requests = FixedLengthScanner(robotous.SYNC, robotous.COMMAND_LENGTH, _is_command, DecoderHealth())
+        length = robotous.COMMAND_LENGTH
+        self._requests = FrameScanner(robotous.SYNC, _measure_command, length, DecoderHealth(), least=length)
         self._counts_per_unit = np.repeat((COUNTS_PER_N, torque_divider), 3)
         self._most_hz = CARRIED_HZ if baud <= SLOW_BAUD else max(RATES_HZ)
         self.writes = 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from slipd.devices.shared.device_interface import DecoderHealth
-from slipd.devices.shared.frame_scanner import PAUSE_NS, FixedLengthScanner
+from slipd.devices.shared.frame_scanner import NO_FRAME, PAUSE_NS, FrameScanner
 
 SYNC = b"\xab\xcd"
 
@@ -14,8 +14,11 @@ def frame(value: int) -> bytes:
     return SYNC + bytes((value, value ^ 0xFF))
 
 
-def scanner(health: DecoderHealth, text: bytes = b"") -> FixedLengthScanner:
-    return FixedLengthScanner(SYNC, 4, lambda buffer, at: buffer[at + 2] ^ buffer[at + 3] == 0xFF, health, text=text)
+def scanner(health: DecoderHealth, text: bytes = b"") -> FrameScanner:
+    def measure(buffer: bytes, at: int) -> int:
+        return 4 if buffer[at + 2] ^ buffer[at + 3] == 0xFF else NO_FRAME
+
+    return FrameScanner(SYNC, measure, 4, health, least=4, text=text)
 
 
 def scan(stream: bytes, size: int, text: bytes = b"") -> tuple[list[tuple[int, bool]], DecoderHealth]:

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from slipd.devices import Device
-from slipd.devices.shared.frame_scanner import FixedLengthScanner, FrameDecoder
+from slipd.devices.shared.frame_scanner import NO_FRAME, FrameDecoder, FrameScanner
 from slipd.types.arrays import Array
 from slipd.types.samples import TactileSample
 
@@ -41,16 +41,17 @@ class Decoder(FrameDecoder):
         super().__init__()
         self._shape = (magnetometers, 4)
         # a frame has no first byte of its own: every place is tried
-        self._frames = FixedLengthScanner(b"", 16 * magnetometers + len(END), self._is_frame, self.health)
+        self._length = 16 * magnetometers + len(END)
+        self._frames = FrameScanner(b"", self._measure, self._length, self.health, least=self._length)
 
     def _readings(self, data: bytes, t_ns: int) -> list[TactileSample]:
         buffer, found = self._frames.receive(data)
         fields = (self._values(buffer, at)[:, 1:].astype(np.float64) for at, _ in found)
         return [TactileSample(t_ns, None, field_ut, ("raw",)) for field_ut in fields]
 
-    def _is_frame(self, buffer: bytes, at: int) -> bool:
-        ends = buffer.startswith(END, at + 16 * self._shape[0])
-        return ends and bool(np.all(np.abs(self._values(buffer, at)) <= _LARGEST))
+    def _measure(self, buffer: bytes, at: int) -> int:
+        ends = buffer.startswith(END, at + self._length - len(END))
+        return self._length if ends and np.all(np.abs(self._values(buffer, at)) <= _LARGEST) else NO_FRAME
 
     def _values(self, buffer: bytes, at: int) -> Array:
         """Return temperature and field of each magnetometer in the frame that begins at ``at``."""

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from slipd.devices import Device
-from slipd.devices.shared.frame_scanner import FixedLengthScanner, FrameDecoder
+from slipd.devices.shared.frame_scanner import NO_FRAME, FrameDecoder, FrameScanner
 from slipd.devices.shared.sensor_session import PolledSession
 from slipd.types.samples import WrenchSample
 
@@ -43,7 +43,7 @@ class Decoder(FrameDecoder):
         super().__init__()
         self._sensitivity = np.array(sensitivity)
         # a reply has no first byte of its own: every place is tried
-        self._frames = FixedLengthScanner(b"", REPLY_LENGTH, _is_reply, self.health)
+        self._frames = FrameScanner(b"", _measure, REPLY_LENGTH, self.health, least=REPLY_LENGTH)
 
     def _readings(self, data: bytes, t_ns: int) -> list[WrenchSample]:
         buffer, found = self._frames.receive(data)
@@ -56,8 +56,8 @@ class Decoder(FrameDecoder):
         return WrenchSample(t_ns, None, values[:3], values[3:], status)
 
 
-def _is_reply(buffer: bytes, at: int) -> bool:
-    return _REPLY.match(buffer, at) is not None
+def _measure(buffer: bytes, at: int) -> int:
+    return REPLY_LENGTH if _REPLY.match(buffer, at) else NO_FRAME
 
 
 class Session(PolledSession[Decoder]):
