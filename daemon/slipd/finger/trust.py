@@ -107,7 +107,7 @@ class ContactPresence:
         state = finger.state
         if not finger.zero_known:
             return shown if state.verdict == UNTARED else None
-        return False if state.level == PAD_FREE.level else None
+        return False if finger.level == PAD_FREE.level else None
 
     def is_pulled(self) -> bool:
         """Return whether the normal force is clearly negative; the counts of a pad without a tare do not show that."""
@@ -122,7 +122,7 @@ class ContactPresence:
         finger, state = self._finger, self._finger.state
         if finger.force is None or state.contact is None or not finger.zero_known:
             return None
-        return finger.in_contact or (False if state.level == PAD_FREE.level else None)
+        return finger.in_contact or (False if finger.level == PAD_FREE.level else None)
 
     def is_pressed_without(self, streams: Collection[str]) -> bool | None:
         """Return whether something presses, without the streams that are about to be tared: "wrench", "pad" or both."""
