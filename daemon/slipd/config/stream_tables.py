@@ -126,11 +126,12 @@ class Wrench(Stream):
             no sensor has, are treated as damaged. Wrong: too low, and strong grips are `garbage`; too high, and damaged
             readings pass.
         range_nm: Largest torque that the sensor can report, likewise, N·m. Wrong: likewise.
-        stuck_after: The sensor counts as stuck after this many repeats of a reading (over 20 ms or more). Up to 50,
-            repeats over 70 ms that are unusual for this sensor count too; above 50, for a sensor whose readings rest
-            for long, only the number counts. 0: a reading may repeat for ever. In every case no grip is raised on a
-            reading that repeats for longer than usual, or for over 50 ms. Wrong: too low, and a resting sensor is
-            `stuck`; too high, and a dead one is noticed late.
+        stuck_after: The sensor counts as stuck after this many repeats of a reading (over 20 ms or more). A change by
+            less than a thousandth of ``force_std_n`` and ``torque_std_nm`` is a repeat. Up to 50, repeats over 70 ms
+            that are unusual for this sensor count too; above 50, for a sensor whose readings rest for long, only the
+            number counts. 0: a reading may repeat for ever. In every case no grip is raised on a reading that repeats
+            for longer than usual, or for over 50 ms. Wrong: too low, and a resting sensor is `stuck`; too high, and a
+            dead one is noticed late.
         drift_tau_s: Time constant with which a drifting zero is followed while nothing touches, s; None: not followed.
             Wrong: too short, and a light contact is taken for drift; too long, and the zero wanders.
         drift_limit_n: Largest drift compensation of each force component since the tare, N; also part of the tolerance

@@ -89,6 +89,7 @@ class ForceChannel:
             wrench.range_nm or MOST,
             repeats=wrench.stuck_after,
             gap_ns=max(self.freshness.stale_ns, 1),
+            noise=noise,
         )
         self.fault = ""
         self.status: tuple[str, ...] = ()

@@ -1,7 +1,7 @@
 """Detect force/torque readings that look fresh but are not: repeated bits, impossible values, a flickering stream.
 
-A sensor that hangs often goes on sending. It shows by equal readings: a real reading carries noise, and the more noise,
-the shorter is the longest run of equal readings. Some devices send a reading twice, and a coarse sensor at rest repeats
+A sensor that hangs often goes on sending. It shows by readings that are equal, or differ by far less than its noise: a
+real reading carries noise, and the more noise, the shorter is the longest run of equal readings. Some devices send a reading twice, and a coarse sensor at rest repeats
 its counts for a while; neither is a fault.
 """
 
@@ -33,6 +33,9 @@ MOST_IMPOSSIBLE = 3.0
 """Number of impossible readings, minus forgotten ones, from which a stream is garbage: a single one is a bit error."""
 FORGET = 0.05
 """Number of impossible readings that each good one offsets: garbage ends after 60 good readings."""
+STILL = 1e-3
+"""Readings are equal if no component differs by more than this share of its stated noise. White noise does so in one of
+1e19 readings, and that of a sensor a hundred times quieter than stated in one of 1e7: never fifty times in a row."""
 JUMP_SHARE = 0.25
 """Share of the range of the force that no real force changes by, from one reading to the next, back and forth."""
 _NEVER = 1 << 62
@@ -53,6 +56,7 @@ STREAM = np.dtype(
         *[(name, "f8") for name in ("range_n", "range_nm", "jump_n", "impossible")],
         ("before", "f8", (6,)),
         ("step_n", "f8", (3,)),
+        ("still", "f8", (6,)),
         *[(name, "i8") for name in ("stuck_after", "gap_ns", "equal", "since_ns", "last_ns", "failures")],
         *[(name, "i8") for name in ("habit", "habit_before", "habit_since_ns", "fault_before")],
         ("longest", "i8", (3,)),
@@ -66,7 +70,7 @@ STREAM = np.dtype(
 ``range_n``, ``range_nm``: more is impossible; ``jump_n``: a change of the force that no real force makes;
 ``stuck_after``: repeats that mean a stuck sensor; ``gap_ns``: a longer silence is a failure. ``before`` is the newest
 reading, at ``last_ns``, with the fault ``fault_before``; ``step_n`` is the last change, NaN where it was no jump.
-``equal`` readings repeat the one at ``since_ns``. ``impossible`` counts impossible readings less the forgotten ones.
+``equal`` readings repeat the one at ``since_ns``, each the one before, up to ``still`` by component. ``impossible`` counts impossible readings less the forgotten ones.
 ``failures`` are known, the newest last in ``failed_ns``. ``alert``: the stream failed lately.
 
 ``habit``: longest run of equal readings that is usual for the sensor, learned from runs that ended by themselves: the
@@ -85,6 +89,7 @@ class WrenchWatch:
             longer than usual for the sensor also counts. 0: never stuck, for a sensor whose readings may rest; they are
             suspect all the same.
         gap_ns: A longer silence is a failure of the stream.
+        noise: Stated standard deviation of each force component, N, and of each torque component, N·m; 0: not stated.
 
     Attributes:
         fault: Fault of the newest reading, or "".
@@ -100,11 +105,13 @@ class WrenchWatch:
         *,
         repeats: int = DEFAULT_REPEATS,
         gap_ns: int = 20_000_000,
+        noise: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         self._stream = stream = new_rows(STREAM, 1)
         stream["range_n"], stream["range_nm"], stream["jump_n"] = range_n, range_nm, JUMP_SHARE * range_n
         stream["stuck_after"], stream["gap_ns"] = repeats or _NEVER, gap_ns
         stream["before"] = stream["step_n"] = math.nan
+        stream["still"] = STILL * np.repeat(noise, 3)
         stream["since_ns"] = stream["last_ns"] = _NEVER
         self._found = 0
         self.fault = ""
@@ -147,7 +154,7 @@ def check_readings(readings: Rows, streams: Rows) -> int:
         t_ns, wrench, before = readings[k]["t_ns"], readings[k]["wrench"], stream["before"]
         repeats = finite = True
         for i in range(6):
-            repeats = repeats and wrench[i] == before[i]
+            repeats = repeats and (wrench[i] == before[i] or abs(wrench[i] - before[i]) <= stream["still"][i])
             finite = finite and math.isfinite(wrench[i])
         gap = t_ns - stream["last_ns"] > stream["gap_ns"]
         _follow_run(stream, t_ns, repeats, gap)

@@ -181,6 +181,14 @@ COURSES: dict[str, tuple[str, dict[str, str], list[Step]]] = {
             *(live(), level("stable"), RAISED),
         ],
     ),
+    **{
+        f"a sensor that stands still but for {std_n} N is {what} where its noise is stated": (
+            "",
+            {"force_std_n = 0.0": "force_std_n = 0.02", "torque_std_nm = 0.0": "torque_std_nm = 0.0005"},
+            [*[force(0.0, 0.0, -5.0, std_n=std_n), image(None), HELD] * 60, expected],
+        )
+        for std_n, what, expected in ((1e-9, "stuck", level("unknown", "stuck")), (5e-4, "well", level("stable")))
+    },
     "the reflex does not raise again on a frozen sensor": (
         GRASP,
         {},
