@@ -1,8 +1,8 @@
 """Detect force/torque readings that look fresh but are not: repeated bits, impossible values, a flickering stream.
 
 A sensor that hangs often goes on sending. It shows by readings that are equal, or differ by far less than its noise: a
-real reading carries noise, and the more noise, the shorter is the longest run of equal readings. Some devices send a reading twice, and a coarse sensor at rest repeats
-its counts for a while; neither is a fault.
+real reading carries noise, and the more noise, the shorter is the longest run of equal readings. Some devices send a
+reading twice, and a coarse sensor at rest repeats its counts for a while; neither is a fault.
 """
 
 from __future__ import annotations
@@ -70,8 +70,10 @@ STREAM = np.dtype(
 ``range_n``, ``range_nm``: more is impossible; ``jump_n``: a change of the force that no real force makes;
 ``stuck_after``: repeats that mean a stuck sensor; ``gap_ns``: a longer silence is a failure. ``before`` is the newest
 reading, at ``last_ns``, with the fault ``fault_before``; ``step_n`` is the last change, NaN where it was no jump.
-``equal`` readings repeat the one at ``since_ns``, each the one before, up to ``still`` by component. ``impossible`` counts impossible readings less the forgotten ones.
-``failures`` are known, the newest last in ``failed_ns``. ``alert``: the stream failed lately.
+``equal`` readings
+repeat the one at ``since_ns``, each the one before, up to ``still`` by component. ``impossible`` counts impossible
+readings less the forgotten ones. ``failures`` are known, the newest last in ``failed_ns``. ``alert``: the stream failed
+lately.
 
 ``habit``: longest run of equal readings that is usual for the sensor, learned from runs that ended by themselves: the
 third longest of the last 10 to 20 s, as one or two longer runs are chance, or a sensor that hung for a moment.

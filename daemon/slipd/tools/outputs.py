@@ -17,7 +17,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from slipd.errors import SlipdError, UsageError
+from slipd.errors import RecordingError, SlipdError, UsageError
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +87,8 @@ def draft(out: Path, kind: Kind, inputs: Iterable[Path] = (), *, overwrite: bool
         _place(folder / out.name, out, folder / "replaced")
     except OSError as error:
         raise _unwritable(out, error) from error
+    except RecordingError as error:
+        raise RecordingError(str(error).replace(str(folder / out.name), str(out))) from error
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from replays import RECORDINGS
 
-from slipd.errors import SlipdError
+from slipd.errors import RecordingError, SlipdError
 from slipd.tools.evaluation.run_figures import TABLE
 from slipd.tools.export.export_command import EXPORT
 from slipd.tools.outputs import NEW, Kind, draft
@@ -38,6 +38,9 @@ def test_nothing_stays_after_an_error(tmp_path: Path) -> None:
 
     with pytest.raises(KeyboardInterrupt):
         fail()
+    with pytest.raises(RecordingError, match=f"^{re.escape(str(tmp_path / 'out'))}: full$"):
+        with draft(tmp_path / "out", NEW) as written:
+            raise RecordingError(f"{written}: full")
     assert names(tmp_path) == []
 
 

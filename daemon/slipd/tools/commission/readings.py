@@ -216,8 +216,9 @@ LEAST_IMAGES = 20
 NOISES_PER_THRESHOLD = 10.0
 """A threshold is this many times the noise of a taxel (docs/config.md)."""
 
-POSITIVE_MEAN = 1.0 / math.sqrt(2.0 * math.pi)
-"""Mean of the positive part of noise about zero, in standard deviations: an image shows no negative load."""
+POSITIVE_STD = math.sqrt(0.5 - 0.5 / math.pi)
+"""Spread of the positive part of noise about zero, in standard deviations: an image shows no negative load. That of a
+pad whose zero is off is larger, up to 1."""
 
 NOISIEST = 0.9
 """Share of the taxels that are less noisy than the one whose noise counts: a broken one is masked, not averaged."""
@@ -249,7 +250,7 @@ def _stds(wrenches: Array) -> tuple[float, float]:
 def _threshold(rest: FingerReadings) -> float | None:
     if len(rest.images) < LEAST_IMAGES:
         return None
-    stds = np.mean(rest.images, axis=0) / POSITIVE_MEAN
+    stds = np.std(rest.images, axis=0) / POSITIVE_STD
     noisy = float(np.quantile(stds, NOISIEST))
     return NOISES_PER_THRESHOLD * noisy if noisy > 0.0 else None
 

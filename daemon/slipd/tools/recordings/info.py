@@ -15,6 +15,9 @@ from slipd.events import Bytes
 from slipd.recording.reader import EventGaps, Recording, open_recording
 from slipd_client.messages import WARNING_TOPIC
 
+MOST_GAPS = 3
+"""Most gaps that are printed one by one; the JSON document has all."""
+
 
 def info_command(path: Path, *, as_json: bool) -> bool:
     """Print what a recording holds; as JSON one document.
@@ -96,6 +99,8 @@ def _rig(recording: Recording) -> dict[str, Any]:
 def _lines(found: dict[str, Any], *, repairable: bool) -> list[str]:
     streams, topics = found["streams"], found["topics"]
     versions = ", ".join(f"{name} {version}" for name, version in found["versions"].items())
+    gaps, more = found["gaps"], found["gaps"][MOST_GAPS:]
+    missing_s = sum(end_s - begin_s for begin_s, end_s in more)
     lines = [
         f"recording: {found['recording']}",
         f"length:    {found['length_s']:.3f} s from {found['begun']} on, {found['bytes'] / 1e6:.2f} MB",
@@ -104,7 +109,8 @@ def _lines(found: dict[str, Any], *, repairable: bool) -> list[str]:
         f"boot:      {found['boot']}",
         f"config:    {found['config_id'] or found['config_fault']}",
         f"versions:  {versions}",
-        *(f"gap:       nothing is known from {begin_s:.3f} to {end_s:.3f} s" for begin_s, end_s in found["gaps"]),
+        *(f"gap:       nothing is known from {begin_s:.3f} to {end_s:.3f} s" for begin_s, end_s in gaps[:MOST_GAPS]),
+        *([f"           nor in {len(more)} more gaps, {missing_s:.3f} s in all (--json has each)"] if more else []),
         "streams:",
         *(f"    {name}: {each['device']}, {each['rate_hz']:g} Hz in the config" for name, each in streams.items()),
         "links:",

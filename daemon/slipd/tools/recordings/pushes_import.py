@@ -60,7 +60,7 @@ def read_pushes(source: Path) -> Pushes:
                 parts = {name: file[name].astype(np.float64) for name in TOPICS}
     except OSError as error:
         raise RecordingError(f"{source}: cannot be read: {error.strerror}") from error
-    except (KeyError, ValueError, zipfile.BadZipFile):
+    except (KeyError, ValueError, EOFError, zipfile.BadZipFile):
         raise RecordingError(f"{source}: must be a ROS 1 bag (.bag), or NPZ with {', '.join(TOPICS)}") from None
     for name, columns in (("wrench", 7), ("object", 4), ("pusher", 4)):
         part = parts[name]

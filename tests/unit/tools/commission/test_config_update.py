@@ -16,18 +16,19 @@ MOUNT = Mount(1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 FORCE_STD_N, TORQUE_STD_NM, TAXEL_STD = 0.03, 0.0008, 2.0
 
 
-def rest(images: int, rng: np.random.Generator, drift_n: float = 0.2) -> FingerReadings:
-    """Readings that drift slowly, and the positive part of noisy images."""
+def rest(images: int, rng: np.random.Generator, drift_n: float = 0.2, offset: float = 0.0) -> FingerReadings:
+    """Readings that drift slowly, and the positive part of noisy images, whose zero may be off."""
     stds = [FORCE_STD_N] * 3 + [TORQUE_STD_NM] * 3
     wrenches = [rng.normal(0.0, stds) + np.array((0, 0, drift_n * k / 400, 0, 0, 0)) for k in range(400)]
-    return FingerReadings(wrenches, [np.clip(rng.normal(0.0, TAXEL_STD, 64), 0.0, None) for _ in range(images)])
+    return FingerReadings(wrenches, [np.clip(rng.normal(offset, TAXEL_STD, 64), 0.0, None) for _ in range(images)])
 
 
-def test_noise_is_that_of_the_sensors_without_their_drift() -> None:
-    noise = noise_at_rest(rest(200, np.random.default_rng(1)), MOUNT, MOUNT)
+@pytest.mark.parametrize(("offset", "most"), [(0.0, 1.0), (500.0, 1.7)])
+def test_noise_is_that_of_the_sensors_without_their_drift_and_offset(offset: float, most: float) -> None:
+    noise = noise_at_rest(rest(200, np.random.default_rng(1), offset=offset), MOUNT, MOUNT)
     assert noise.force_std_n == pytest.approx(FORCE_STD_N, rel=0.1)
     assert noise.torque_std_nm == pytest.approx(TORQUE_STD_NM, rel=0.1)
-    assert noise.threshold == pytest.approx(10.0 * TAXEL_STD, rel=0.25)
+    assert noise.threshold == pytest.approx(10.0 * most * TAXEL_STD, rel=0.25)
 
 
 @pytest.mark.parametrize(("stated", "written"), [("threshold = 0.0", True), ("threshold = 1.0", False)])

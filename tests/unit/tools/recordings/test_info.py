@@ -16,6 +16,7 @@ from slipd import config
 from slipd.cli import main
 from slipd.events import Bytes
 from slipd.recording.reader import open_recording
+from slipd.tools.recordings.info import _lines, recording_info
 
 DEMO = RECORDINGS / "demo.mcap"
 
@@ -74,3 +75,5 @@ def test_what_is_missing_is_stated_with_what_repairs_it_and_the_answer_is_no(
     assert main(["info", str(tmp_path / "whole.mcap")]) == 1
     assert "slipd recover" not in capsys.readouterr().out
     assert re.search(r"^gap: +nothing is known from (0\.99|1\.00)\d to (1\.99|2\.00)\d s$", shown, re.MULTILINE)
+    found = recording_info(open_recording(DEMO)) | {"gaps": [[k, k + 0.5] for k in range(500)]}
+    assert "           nor in 497 more gaps, 248.500 s in all (--json has each)" in _lines(found, repairable=False)
