@@ -16,7 +16,7 @@ from slipd.gripper.grip_gate import judge, why_not_sent
 from slipd.gripper.grip_in_force import GripInForce, not_free
 from slipd.gripper.grip_policy import GripLimits, GripPolicy
 from slipd.gripper.grip_rules import PUT_DOWN
-from slipd.gripper.gripper_faults import COMMAND_LOST, LINK_LOST, NO_ANSWER, GripperFaultDetector
+from slipd.gripper.gripper_faults import COMMAND_LOST, LINK_LOST, MOTION_IGNORED, NO_ANSWER, GripperFaultDetector
 from slipd.gripper.intent import GripperState, Intent, IntentKind, Situation
 from slipd.types.arrays import finite_or_none
 from slipd.types.permit import Permit, Refusal
@@ -36,6 +36,10 @@ LONGEST_BEGIN_NS = 1_000_000_000
 
 ARRIVED_M = 5e-4
 """Fingers this close to their goal have arrived, m."""
+
+FAR = 0.25
+"""Share of the range of widths from which fingers that stay where they were have ignored a motion: closer to the goal,
+their own stop may hold them."""
 
 
 class GripperControl:
@@ -62,7 +66,8 @@ class GripperControl:
         self.policy = GripPolicy(_limits(config), config.max_lease_ms)
         self.grip = GripInForce(self.policy, session, self._fingers)
         self.sample: GripperSample | None = None
-        self._goal_m: float | None = None  # of the last motion; None: not known
+        self._goal_m: float | None = None  # of the last motion; None: not known, or halted
+        self._from_m: float | None = None  # where the fingers were before it
         self._goals_m: tuple[float, float] | None = None  # of the motions that may be under way
         self._seen_moving = False  # since the last motion was sent
         self._moves = False  # the fingers, as far as is known
@@ -74,7 +79,7 @@ class GripperControl:
     def update(self, sample: GripperSample) -> None:
         """Update with a status reading."""
         self.sample, self._heard_ns = sample, sample.t_ns
-        self.policy.latch(self._faults.update(sample))
+        self.policy.latch(self._faults.update(sample, self.grip.command_n))
         self._moves = sample.moving or (self._moves and sample.t_ns <= self._moved_ns)
         self._follow(sample)
         self.grip.update(sample, answers_command=sample.t_ns > self._moved_ns)
@@ -172,12 +177,15 @@ class GripperControl:
         return None
 
     def conditions(self) -> list[tuple[Health, str]]:
-        """Return a grip of unknown force and the latched fault, for the status of the stream."""
-        fault, found = self.policy.fault, []
+        """Return a grip of unknown force, the latched fault and a wrong width, for the status of the stream."""
+        fault, sample, found = self.policy.fault, self.sample, []
         if self.policy.unknown:
             found.append((Health.ERROR, f"{GRIP_UNKNOWN}, and stays as it is: {PUT_DOWN}"))
         if fault:
             found.append((Health.ERROR, f"{fault} is latched: look at the gripper, then: slipctl grip ack (fault.ack)"))
+        opened = sample is not None and (sample.width_m or 0.0) >= self.session.width_range_m[1] - ARRIVED_M
+        if opened and self._fingers and all(finger.presence.is_pressed() for finger in self._fingers.values()):
+            found.append((Health.WARN, "it reports open fingers, and every finger measures a contact"))
         return found
 
     def _forget(self, fault: str) -> None:
@@ -200,7 +208,18 @@ class GripperControl:
             return
         arrived = self._goal_m is not None and math.isclose(sample.width_m or 0.0, self._goal_m, abs_tol=ARRIVED_M)
         if arrived or self._seen_moving or since_ns > LONGEST_BEGIN_NS:
+            if self._goals_m is not None and not (arrived or self._seen_moving) and self._stays(sample):
+                self.policy.latch(MOTION_IGNORED)
             self._goals_m = None
+
+    def _stays(self, sample: GripperSample) -> bool:
+        """Return whether the fingers are where they were before the last motion, far from its goal, and not held."""
+        if self._goal_m is None or self._from_m is None or sample.width_m is None or sample.object != "none":
+            return False
+        least_m, most_m = self.session.width_range_m
+        stays = math.isclose(sample.width_m, self._from_m, abs_tol=ARRIVED_M)
+        far = abs(sample.width_m - self._goal_m) > FAR * (most_m - least_m)
+        return stays and far and all(finger.presence.is_pressed() is False for finger in self._fingers.values())
 
     def _situation(self, t_ns: int) -> Situation:
         """Return the input of the grip gate."""
@@ -230,6 +249,7 @@ class GripperControl:
     def _carry_out(self, permit: Permit, kind: IntentKind, t_ns: int) -> bool:
         """Hand a permit to the session and record its effect; return False if nothing will be sent."""
         if permit.kind == "halt":
+            self._goal_m = None
             return self.grip.undo(lambda: self.session.execute(permit, t_ns))
         self.grip.prepare()
         if not self.session.execute(permit, t_ns):
@@ -241,7 +261,8 @@ class GripperControl:
             return True
         self.grip.record_sent(permit, kind, t_ns)
         if permit.kind == "move":
-            self._goal_m = goal_m = cast("float", permit.width_m)
+            goal_m = cast("float", permit.width_m)
+            self._goal_m, self._from_m = goal_m, self.width_m
             narrowest_m, widest_m = self._goals_m or (goal_m, goal_m)
             self._goals_m = min(narrowest_m, goal_m), max(widest_m, goal_m)
             self._moves, self._seen_moving, self._moved_ns = True, False, t_ns

@@ -1,4 +1,4 @@
-"""Detect gripper faults: reported ones, echo mismatches, lost commands and lost activations."""
+"""Detect gripper faults: reported ones, wrong echoes and forces, lost commands and lost activations."""
 
 from __future__ import annotations
 
@@ -7,6 +7,10 @@ from slipd.types.samples import GripperSample
 ECHO_READINGS = 3
 """Wrong echoes in a row that count as a mismatch: a reading that crosses a command still echoes the previous one."""
 
+FORCE_READINGS, FORCE_FACTOR, FORCE_N = 10, 3.0, 5.0
+"""A gripper that holds cannot exert so much more than it was ever sent in this grip, for so many readings in a row: an
+impact is shorter, and a motor current shows the force only roughly."""
+
 ACTIVATION_NS = 1_000_000_000
 """After this time without an inactive reading an activation was immediate, or never happened."""
 
@@ -14,6 +18,8 @@ COMMAND_LOST = "command_lost"
 LINK_LOST = "link_lost"
 NO_ANSWER = "no_answer"
 ECHO_MISMATCH = "echo_mismatch"
+FORCE_MISMATCH = "force_mismatch"
+MOTION_IGNORED = "motion_ignored"
 ACTIVATION_LOST = "activation_lost"
 
 
@@ -22,7 +28,8 @@ class GripperFaultDetector:
 
     def __init__(self) -> None:
         self._fault = ""
-        self._wrong_echoes = 0
+        self._wrong_echoes = self._wrong_forces = 0
+        self._most_n = 0.0  # sent in this grip
         self._active = False
         self._activation = ""  # "requested", then "under way" from the first inactive reading to the next active one
         self._requested_ns = 0
@@ -36,27 +43,41 @@ class GripperFaultDetector:
         self._activation, self._requested_ns = "requested", t_ns
 
     def acknowledge(self) -> None:
-        """Record an acknowledgement: an echo that is still wrong is reported again.
+        """Record an acknowledgement: an echo or a force that is still wrong is reported again.
 
         A lost command and a fault of the gripper itself are not reported again. They last until a later command or
         activation, which must be possible.
         """
-        self._wrong_echoes = 0
+        self._wrong_echoes = self._wrong_forces = 0
 
-    def update(self, sample: GripperSample) -> str:
-        """Update with a reading; return the fault that begins with it, or ""."""
+    def update(self, sample: GripperSample, sent_n: float | None) -> str:
+        """Update with a reading; return the fault that begins with it, or "".
+
+        Args:
+            sample: The reading.
+            sent_n: Force last sent to the gripper, N; None if none was.
+        """
         if self._activation == "requested" and not sample.active:
             self._activation, self._fault = "under way", ""
         elif sample.active and (self._activation == "under way" or sample.t_ns - self._requested_ns > ACTIVATION_NS):
             self._activation = ""
         self._wrong_echoes = self._wrong_echoes + 1 if sample.echo_ok is False else 0
+        self._follow_force(sample, sent_n)
         began = "" if self._activation == "under way" else self._begun(sample)
         self._fault, self._active = sample.fault, sample.active
         return began
+
+    def _follow_force(self, sample: GripperSample, sent_n: float | None) -> None:
+        holds = sample.object.startswith("contact") and not sample.moving and sent_n is not None
+        self._most_n = max(self._most_n, sent_n or 0.0) if holds else 0.0
+        wrong = holds and (sample.force_n or 0.0) > FORCE_FACTOR * self._most_n + FORCE_N
+        self._wrong_forces = self._wrong_forces + 1 if wrong else 0
 
     def _begun(self, sample: GripperSample) -> str:
         if sample.fault and sample.fault != self._fault:
             return sample.fault
         if self._wrong_echoes == ECHO_READINGS:
             return ECHO_MISMATCH
+        if self._wrong_forces == FORCE_READINGS:
+            return FORCE_MISMATCH
         return ACTIVATION_LOST if self._active and not sample.active else ""

@@ -115,6 +115,32 @@ COURSES: dict[str, Callable[[], Course]] = {
         [close(5.0), held(1, echo_ok=False), held(2), held(3, echo_ok=False), held(4, echo_ok=False), be(fault=""),
          held(5, echo_ok=False), be(fault="echo_mismatch", kept=KEPT)],
     ),
+    "D5 a force far above all that was sent in a grip is a fault, and again after an acknowledgement": lambda: (
+        Bench(),
+        [close(20.0), held(0, force_n=60.0), want("set", 1, force_n=18.0),
+         *(held(k, force_n=60.0) for k in range(1, 100)), be(fault=""),
+         *(held(k, force_n=66.0) for k in range(100, 109)), held(109, force_n=9.0), be(fault=""),
+         *(held(k, force_n=66.0) for k in range(110, 120)), be(fault="force_mismatch"), acknowledge(),
+         *(held(k, force_n=66.0) for k in range(120, 130)), be(fault="force_mismatch")],
+    ),
+    **{
+        f"D5 fingers that stay where they were 1 s after a motion {what}": lambda steps=steps, fault=fault: (  # type: ignore[misc]
+            Bench("", Pad()), [*steps, be(fault=fault)],
+        )
+        for what, steps, fault in (
+            ("have ignored it", [close(5.0), seen(1001, 0.085)], "motion_ignored"),
+            ("may need a little longer", [close(5.0), seen(1000, 0.085)], ""),
+            ("may be held by a part", [close(5.0), seen(1001, 0.085, "contact_closing")], ""),
+            ("may be held by what presses", [close(5.0), press(True, 5.0), seen(1001, 0.085)], ""),
+            ("may be as near as they get", [close(5.0, width_m=0.07), seen(1001, 0.085)], ""),
+            ("may be halted", [close(5.0), want("stop", 1), seen(1001, 0.085)], ""),
+            ("must be known to be there", [close(5.0), seen(1001, None)], ""),
+            ("must not have moved", [close(5.0), seen(1001, 0.05)], ""),
+        )
+    },
+    "a gripper that reports open fingers, which measure a contact, is named": lambda: (
+        Bench("", Pad(), Pad(True, 5.0)), [be(conditions=[]), press(True, 5.0), be(conditions=[Health.WARN])],
+    ),
     "silence is judged by the time in which the daemon was awake": lambda: (
         Bench(),
         [close(10.0), send, paused(60_000), on_time(60_000), be(fault=""),

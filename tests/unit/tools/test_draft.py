@@ -38,9 +38,9 @@ def test_nothing_stays_after_an_error(tmp_path: Path) -> None:
 
     with pytest.raises(KeyboardInterrupt):
         fail()
-    with pytest.raises(RecordingError, match=f"^{re.escape(str(tmp_path / 'out'))}: full$"):
-        with draft(tmp_path / "out", NEW) as written:
-            raise RecordingError(f"{written}: full")
+    full = pytest.raises(RecordingError, match=f"^{re.escape(str(tmp_path / 'out'))}: full$")
+    with full, draft(tmp_path / "out", NEW) as written:
+        raise RecordingError(f"{written}: full")
     assert names(tmp_path) == []
 
 
