@@ -17,7 +17,7 @@ from fit.record import Grasp
 from fit.score import Spans, spans_of
 
 from slipd import config
-from slipd.fusion.levels import ContactState, WrenchUncertainty
+from slipd.fusion.contact_state import ContactState, WrenchUncertainty
 from slipd.fusion.load_blocks import GAP_S, RING, forget_load
 from slipd.fusion.rows import BLOCK as BLOCKS
 from slipd.fusion.rows import Rows, new_rows

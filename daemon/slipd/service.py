@@ -106,7 +106,7 @@ async def serve(
             helpers = {name: tasks.create_task(work, name=name) for name, work in _helpers(run, links, control).items()}
             _report_start(run, control.config_fault, refused)
             on_ready(run.endpoints)
-            run.recorders.kept = True
+            run.recordings.kept = True
             control.notifier.send("READY=1")
             reload = helpers.get("reload")
             if reload is not None:

@@ -26,7 +26,7 @@ from slipd.io.request_server import RequestServer
 from slipd.io.transport import Links
 from slipd.io.zmtp.endpoint import check_free
 from slipd.recording.run_files import state_dir
-from slipd.recording.run_recorders import RunRecorders
+from slipd.recording.run_recordings import RunRecordings
 from slipd.recording.state_file import StateFile
 from slipd_client.messages import STATUS_TOPIC, encode
 from slipd_client.paths import log_file, publish_endpoint, requests_endpoint, runtime_dir
@@ -58,7 +58,7 @@ class ServiceRun:
     Attributes:
         config: The rig.
         stop: As above.
-        recorders: All recordings of the run.
+        recordings: All recordings of the run.
         publisher: Sends the messages; from `open` on.
         requests: Takes the requests; from `open` on.
         events_handled: Number of events that entered the engine.
@@ -98,8 +98,8 @@ class ServiceRun:
             for endpoint, access in ((bus.publish, self._allowed.publish), (bus.requests, self._allowed.requests)):
                 if endpoint is not None:
                     check_free(endpoint, access)
-            self.recorders = RunRecorders(self.config, self.boot, self.engine.wall, self._record)
-            stack.callback(self.recorders.close)  # after the sockets, with the last messages
+            self.recordings = RunRecordings(self.config, self.boot, self.engine.wall, self._record)
+            stack.callback(self.recordings.close)  # after the sockets, with the last messages
             self._stack = stack.pop_all()
         return self
 
@@ -109,7 +109,7 @@ class ServiceRun:
     def open(self) -> None:
         """Serve the endpoints, then create the recording, so that a run that fails to start leaves no file."""
         self._open_bus()
-        self.recorders.open(self._now_ns())
+        self.recordings.open(self._now_ns())
         if self.config.restart.gap_s > 0.0:
             path = state_dir() / f"state-{rig_of(self.config)}.json"
             self._state = self._stack.enter_context(closing(StateFile(path)))
@@ -149,8 +149,8 @@ class ServiceRun:
         self.events_handled += 1
         t_ns = self._now_ns() if t_ns is None else t_ns
         try:
-            if self.recorders.active:
-                self.recorders.event(event, t_ns)
+            if self.recordings.active:
+                self.recordings.event(event, t_ns)
             for output in self.engine.handle(event, t_ns):
                 self._send(output, t_ns)
         except Exception as error:  # of any kind: the run must end and report it
@@ -178,7 +178,7 @@ class ServiceRun:
     def report_recordings(self) -> None:
         """Pass changes of the recordings to the engine."""
         t_ns = self._now_ns()
-        for change in self.recorders.changes(t_ns, lambda: self.engine.kept.first_events(t_ns)):
+        for change in self.recordings.changes(t_ns, lambda: self.engine.kept.first_events(t_ns)):
             self.handle(change)
 
     def on_loop_fault(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
@@ -199,8 +199,8 @@ class ServiceRun:
         if isinstance(output, Publish):
             payload = encode(output.body)
             self.publisher.publish(output.topic, payload, output.frame)
-            if self.recorders.active:
-                self.recorders.published(output, payload, t_ns)
+            if self.recordings.active:
+                self.recordings.published(output, payload, t_ns)
             if output.topic == STATUS_TOPIC:
                 self._show_status(summary(output.body))
         elif isinstance(output, Write):
@@ -209,4 +209,4 @@ class ServiceRun:
         elif isinstance(output, Reply):
             self.requests.reply(output.client, output.body)
         else:
-            self.recorders.handle(output, t_ns)
+            self.recordings.handle(output, t_ns)

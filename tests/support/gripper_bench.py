@@ -87,7 +87,7 @@ class Pad:
     def for_raise(self, _: int) -> bool:
         return True
 
-    at_rest = for_raise
+    for_opening = for_raise
 
 
 class Bench:

@@ -8,7 +8,7 @@ import numpy as np
 
 from slipd.config import Levels, Slip
 from slipd.fusion.assess import assess_readings
-from slipd.fusion.levels import Assessment, ContactState, WrenchUncertainty
+from slipd.fusion.contact_state import Assessment, ContactState, WrenchUncertainty
 from slipd.fusion.rows import READING, TOUCHING, Rows, new_rows
 from slipd.types.arrays import Array
 

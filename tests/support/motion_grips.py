@@ -16,7 +16,7 @@ from slipd.finger.verdict import GRIP_HOLDS
 from slipd.friction.friction_state import FrictionState
 from slipd.fusion import tipping_margin, utilisation
 from slipd.fusion.contact import contact_of
-from slipd.fusion.levels import WrenchUncertainty
+from slipd.fusion.contact_state import WrenchUncertainty
 from slipd.fusion.rows import TOUCHING
 from slipd.fusion.streaming import new_readings
 from slipd.grasp.arm_gravity import ArmGravity

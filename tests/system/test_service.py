@@ -20,7 +20,7 @@ from slipd.engine.engine import Engine
 from slipd.errors import RecordingError
 from slipd.events import LinkSpec
 from slipd.io.transport import Links
-from slipd.recording.run_recorders import RunRecorders
+from slipd.recording.run_recordings import RunRecordings
 from slipd.tools.sim.emulators import make_emulator
 from slipd_client.messages import Health
 
@@ -54,11 +54,11 @@ async def test_P1_a_failure_of_the_engine_ends_the_run_and_is_raised(rig: Rig, m
             raise ZeroDivisionError("what nobody thought of")
         return handle(engine, event, t_ns)
 
-    def is_full(_: RunRecorders) -> None:
+    def is_full(_: RunRecordings) -> None:
         raise RecordingError("the disk is full")
 
     monkeypatch.setattr(Engine, "handle", fail)
-    monkeypatch.setattr(RunRecorders, "close", is_full)
+    monkeypatch.setattr(RunRecordings, "close", is_full)
     with pytest.raises(ZeroDivisionError, match="what nobody thought of"):
         await asyncio.wait_for(service.serve(rig.config), PATIENCE_S)
 

@@ -206,7 +206,7 @@ class Pad(Stream):
 
 
 class Slip(StrictModel):
-    """``[finger.X.slip]``: when a fall of the load counts as a slip (see `slipd.fusion.levels.SlipSettings`).
+    """``[finger.X.slip]``: when a fall of the load counts as a slip (see `slipd.fusion.contact_state.SlipSettings`).
 
     Attributes:
         drop: Least relative fall of the required friction; noise may ask for more. Wrong: too low, and more

@@ -13,8 +13,8 @@ from slipd.finger.force_image_check import COMPARE_NS
 from slipd.finger.freshness import Read
 from slipd.finger.image_channel import ImageChannel
 from slipd.fusion import contact_from_wrench
+from slipd.fusion.contact_state import ContactState, WrenchUncertainty
 from slipd.fusion.held_pad import HeldPad, tipping_edges, twist_net
-from slipd.fusion.levels import ContactState, WrenchUncertainty
 from slipd.fusion.motion_limits import nearest_limit, worst_turn
 from slipd.fusion.motion_scale import check_points, follow_gravity, largest_scales
 from slipd.fusion.object_swing import swing_excess

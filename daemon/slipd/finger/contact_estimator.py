@@ -17,7 +17,7 @@ from slipd.finger.force_channel import WrenchBatch
 from slipd.finger.image_channel import ImageChannel
 from slipd.friction.friction_estimate import FrictionEstimate
 from slipd.friction.friction_state import FrictionState
-from slipd.fusion.levels import ContactState, WrenchUncertainty
+from slipd.fusion.contact_state import ContactState, WrenchUncertainty
 from slipd.fusion.rows import FREE, NO_CONTACT, TOUCHING, UNKNOWN, Rows
 from slipd.fusion.streaming import contact_at, find_contacts, judge_readings
 from slipd.signals.force_image_agreement import CLEAR, STDS

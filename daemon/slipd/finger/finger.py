@@ -25,7 +25,7 @@ from slipd.finger.freshness import PROMPT, Arrival, Read, pop_served
 from slipd.finger.image_channel import STALE, ImageChannel
 from slipd.finger.trust import ContactPresence, Trust
 from slipd.finger.verdict import PAD_FREE, ROTATION_UNOBSERVED, STREAM_STALE, Verdict
-from slipd.fusion.levels import WrenchUncertainty
+from slipd.fusion.contact_state import WrenchUncertainty
 from slipd.fusion.recent_forces import mean_wrench
 from slipd.fusion.rows import PULLED, TOUCHING
 from slipd.fusion.streaming import without_verdict

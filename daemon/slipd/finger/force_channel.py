@@ -10,7 +10,7 @@ import numpy as np
 
 from slipd.config import Wrench, stale_after_ns
 from slipd.finger.freshness import Arrival, Freshness
-from slipd.fusion.levels import WrenchUncertainty
+from slipd.fusion.contact_state import WrenchUncertainty
 from slipd.fusion.rows import GARBAGE, NOT_FINITE, PENDING, STUCK, UNTRUSTED, Rows
 from slipd.fusion.streaming import move_to_pad, new_readings
 from slipd.signals.drift import DriftCompensation

@@ -38,7 +38,7 @@ def finger_conditions(finger: Finger, stream: str, t_ns: int) -> list[Condition]
     found = force_conditions(channel, t_ns) if isinstance(channel, ForceChannel) else image_conditions(channel)
     if finger.state.verdict is PAD_PULLED and stream == finger.main_stream:
         found.append(_pulled(finger))
-    if stream == "wrench" and finger.presence.is_denied():
+    if stream == "wrench" and finger.presence.is_denied_by_force():
         found.append((Health.WARN, "it measures no contact, and the pad image shows one: no grip is raised"))
     return found
 

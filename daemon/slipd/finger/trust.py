@@ -58,12 +58,12 @@ class Trust:
         pulled_ns = self._finger.pulled_ns
         if pulled_ns is not None and t_ns - pulled_ns <= self._oldest_ns:
             return False
-        return self._allows(t_ns, at_rest=False) and not self._finger.presence.is_denied()
+        return self._allows(t_ns, at_rest=False) and not self._finger.presence.is_denied_by_force()
 
-    def at_rest(self, t_ns: int) -> bool:
-        """Return whether readings are trusted as in `for_raise`, or repeat as the config allows.
+    def for_opening(self, t_ns: int) -> bool:
+        """Return whether a gripper may open at ``t_ns``, because readings are trusted that show nothing gripped.
 
-        This is enough to open the gripper: at rest the readings of some sensors always repeat.
+        Unlike for a raise, they may repeat as the config allows: at rest those of some sensors always do.
         """
         return self._allows(t_ns, at_rest=True)
 
@@ -164,7 +164,7 @@ class ContactPresence:
             return None
         return image.shows_contact() if image.is_fresh(freshness.received_ns, freshness.unread_ns) else None
 
-    def is_denied(self) -> bool:
+    def is_denied_by_force(self) -> bool:
         """Return whether the image shows a clear contact, of which the force sensor measures nothing, or nothing more.
 
         Without the contact that the force sensor lost, only a fresh image in newtons shows that.
@@ -185,4 +185,4 @@ class ContactPresence:
         contact = finger.state.contact
         if contact is None or not (finger.zero_known and finger.in_contact):
             return None
-        return contact.normal_n if finger.trust.at_rest(t_ns) else None
+        return contact.normal_n if finger.trust.for_opening(t_ns) else None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from slipd.fusion import Utilisation
-from slipd.fusion.levels import Assessment
+from slipd.fusion.contact_state import Assessment
 from slipd.fusion.rows import STABLE, WARNING
 
 TRANSLATION_SHARE = 0.9

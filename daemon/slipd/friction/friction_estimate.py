@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from slipd.friction.friction_state import FrictionState, RotationFriction, Taught
-from slipd.fusion.friction_learning import KEPT, LEARNING, SCATTER, Z, begin_grasp, combine, end_grasp
+from slipd.friction.friction_state import FrictionState, LogMu, ObjectFriction, RotationFriction, Taught
+from slipd.fusion.friction_learning import KEPT, LEARNING, begin_grasp, combine, end_grasp
 from slipd.fusion.rows import new_rows
 from slipd.types.arrays import finite_or_none
 
@@ -20,13 +20,8 @@ SEEN_SHARE = 0.5
 """Part of the fall from static to dynamic friction that must be seen before it counts as slip."""
 LEAST_DROP = 0.01
 """Least relative fall that counts as slip: less is no fall."""
-MOST_LN = 7.0
-"""Largest absolute logarithm of a coefficient that one run takes over from another: beyond it no friction is real."""
 
-_OBJECT = ("object_ln", "object_var", "object_floor")
-_Knowledge = tuple[tuple[float, float], tuple[float, float], float]
-_UNKNOWN = math.nan, math.nan
-_NOTHING: _Knowledge = _UNKNOWN, _UNKNOWN, 0.0
+_UNKNOWN_OBJECT = ObjectFriction()
 
 
 class FrictionEstimate:
@@ -61,7 +56,7 @@ class FrictionEstimate:
         self.set_t_ns: int | None = None
         self.rotation = RotationFriction(mu_rotation)
         self._step = 0  # number of the step of STEP_NS in which the state was taken over
-        self._objects: dict[str, _Knowledge] = {}
+        self._objects: dict[str, ObjectFriction] = {}
         self._name: str | None = None
         self._version = -1
         self._restart(mu, None, "config")
@@ -86,7 +81,7 @@ class FrictionEstimate:
         self.learning["stated"] = math.nan if mu is None else mu
         self.stated, self._stated_d, self._source = mu, mu_d, source
         self._objects.clear()
-        self._know(_NOTHING)
+        self._know(_UNKNOWN_OBJECT)
         begin_grasp(self.learning)
         self._take_over()
 
@@ -117,10 +112,10 @@ class FrictionEstimate:
         slippery does not pass for another one because somebody took a tare.
         """
         self._objects = {
-            name: (ln, var, 0.0) for name, (ln, var, _) in self._objects.items() if self._is_strict(ln, var)
+            name: known._replace(floor=0.0) for name, known in self._objects.items() if self._is_strict(known)
         }
-        ln, var, _ = self._knowledge()
-        self._know((ln, var, 0.0) if self._is_strict(ln, var) else _NOTHING)
+        known = self._knowledge()
+        self._know(known._replace(floor=0.0) if self._is_strict(known) else _UNKNOWN_OBJECT)
         (bound,), (stated,) = self.learning["bound"].tolist(), self.learning["stated"].tolist()
         if bound < stated:
             self.learning["floor"] = self.learning["carried"] = 0.0
@@ -129,10 +124,10 @@ class FrictionEstimate:
             begin_grasp(self.learning)
         self._take_over()
 
-    def _is_strict(self, ln: tuple[float, float], var: tuple[float, float]) -> bool:
-        """Return whether knowledge of an object gives it a lower coefficient than what is stated."""
-        (stated,) = self.learning["stated"].tolist()
-        return not math.isnan(var[0]) and math.exp(_lowest(ln, var)) < stated
+    def _is_strict(self, known: ObjectFriction) -> bool:
+        """Return whether an object is known to have a lower coefficient than what is stated."""
+        stated: float = self.learning["stated"].item()
+        return known.least_mu < stated  # False for NaN
 
     def end_contact(self) -> None:
         """End the grasp: the contact ended, or is no longer known."""
@@ -160,7 +155,7 @@ class FrictionEstimate:
             if len(self._objects) > MOST_OBJECTS:
                 del self._objects[next(iter(self._objects))]
         self._name = name
-        self._know(self._objects.get(name, _NOTHING) if name is not None else _NOTHING)
+        self._know(self._objects.get(name, _UNKNOWN_OBJECT) if name is not None else _UNKNOWN_OBJECT)
         if before is None:
             combine(self.learning)
         else:
@@ -170,13 +165,13 @@ class FrictionEstimate:
     @property
     def least_known(self) -> float:
         """Least coefficient with which the next grasp of a named object begins; inf where no slip of one is known."""
-        known = [*self._objects.values(), self._knowledge()]
-        return math.exp(min((_lowest(ln, var) for ln, var, _ in known if not math.isnan(var[0])), default=math.inf))
+        coefficients = [known.least_mu for known in (*self._objects.values(), self._knowledge())]
+        return min((mu for mu in coefficients if not math.isnan(mu)), default=math.inf)
 
     def taught(self) -> tuple[Taught, Taught]:
         """Return what was learned of the object in the grip: its static and its dynamic friction."""
-        ln, var, _ = self._knowledge()
-        static, dynamic = map(_real, zip(ln, var, strict=True))
+        known = self._knowledge()
+        static, dynamic = (LogMu(ln, var).real for ln, var in zip(known.ln, known.var, strict=True))
         return Taught(self._slips(0), static), Taught(self._slips(1), dynamic)
 
     def resume(self, taught: tuple[Taught, Taught]) -> None:
@@ -189,9 +184,9 @@ class FrictionEstimate:
             samples = [*slips, *self._slips(kind)][-KEPT:]
             self.learning["taken"][0, kind] = len(samples)
             for k, sample in enumerate(samples):
-                ln, var = _real(sample) or _UNKNOWN
-                self.learning["sample_ln"][0, kind, k], self.learning["sample_var"][0, kind, k] = ln, var
-            if (known := _real(earlier)) is not None:
+                slip = (sample and sample.real) or LogMu()
+                self.learning["sample_ln"][0, kind, k], self.learning["sample_var"][0, kind, k] = slip
+            if (known := earlier and earlier.real) is not None:
                 self.learning["object_ln"][0, kind], self.learning["object_var"][0, kind] = known
         self.learning["touched_s"] = math.inf  # the time without a daemon is no gap that ends the grasp
         combine(self.learning)
@@ -200,12 +195,12 @@ class FrictionEstimate:
             self.learning[:] = before
         self._take_over()
 
-    def _slips(self, kind: int) -> tuple[tuple[float, float] | None, ...]:
+    def _slips(self, kind: int) -> tuple[LogMu | None, ...]:
         """Return the samples of one coefficient by the present grasp, the newest last."""
         (taken,) = self.learning["taken"][:, kind].tolist()
         at = [k % KEPT for k in range(max(taken - KEPT, 0), taken)]
         lns, variances = (self.learning[name][0, kind].tolist() for name in ("sample_ln", "sample_var"))
-        return tuple(_real((lns[k], variances[k])) for k in at)
+        return tuple(LogMu(lns[k], variances[k]).real for k in at)
 
     def begin_step(self, times_ns: Sequence[int], begin: int) -> int:
         """Take over what was learned, if reading ``begin`` is the first of another step of `STEP_NS`.
@@ -237,16 +232,15 @@ class FrictionEstimate:
         self.rotation.forget()
         self._set_state()
 
-    def _know(self, knowledge: _Knowledge) -> None:
+    def _know(self, known: ObjectFriction) -> None:
         """Use what earlier grasps taught of the object in the grip."""
-        for name, values in zip(_OBJECT, knowledge, strict=True):
-            self.learning[name] = values
+        for name, values in known._asdict().items():
+            self.learning[f"object_{name}"] = values
         self.learning["named"] = self._name is not None
 
-    def _knowledge(self) -> _Knowledge:
+    def _knowledge(self) -> ObjectFriction:
         """Return what earlier grasps taught of the object in the grip."""
-        (ln,), (var,), (floor,) = (self.learning[name].tolist() for name in _OBJECT)
-        return ln, var, floor
+        return ObjectFriction(*(self.learning[f"object_{name}"][0].tolist() for name in ObjectFriction._fields))
 
     def _take_over(self) -> None:
         """Put in force what was learned."""
@@ -272,13 +266,3 @@ class FrictionEstimate:
 
     def _set_state(self) -> None:
         self.state = self._known._replace(mu_rotation=self.rotation.learned)
-
-
-def _real(known: tuple[float, float] | None) -> tuple[float, float] | None:
-    """Return mean and variance of the logarithm of a coefficient; None where they cannot be those of friction."""
-    return known if known is not None and abs(known[0]) <= MOST_LN and 0.0 < known[1] < math.inf else None
-
-
-def _lowest(ln: tuple[float, float], var: tuple[float, float]) -> float:
-    """Return the logarithm of the coefficient with which the next grasp of a known object begins."""
-    return ln[0] - Z * math.sqrt(var[0] + 2.0 * SCATTER**2)

@@ -6,10 +6,12 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-from slipd.fusion.friction_learning import FADING, KEPT
+from slipd.fusion.friction_learning import FADING, KEPT, SCATTER, Z
 
 ONSET_S = 0.3
 """The largest spin of this time before a motion is seen is the one at which it began, s: three looks at images."""
+MOST_LN = 7.0
+"""Largest absolute logarithm of a coefficient that one run takes over from another: beyond it no friction is real."""
 LEAST_SHARE = 0.5
 """A slip with a smaller share of the stated limit is a translation, and teaches nothing of rotation."""
 
@@ -45,16 +47,47 @@ class FrictionState(NamedTuple):
         return max(self.mu / self.mu_rotation, 1.0)
 
 
+class LogMu(NamedTuple):
+    """A coefficient of friction, by mean and variance of its logarithm; NaN: unknown."""
+
+    ln: float = math.nan
+    var: float = math.nan
+
+    @property
+    def real(self) -> LogMu | None:
+        """Itself; None where it cannot be that of friction."""
+        return self if abs(self.ln) <= MOST_LN and 0.0 < self.var < math.inf else None
+
+
+class ObjectFriction(NamedTuple):
+    """What earlier grasps taught of an object.
+
+    Attributes:
+        ln: Mean of the logarithm of its static and of its dynamic coefficient; NaN: unknown.
+        var: Their variances; NaN: unknown.
+        floor: Largest required friction that the last grasps carried without motion.
+    """
+
+    ln: tuple[float, float] = (math.nan, math.nan)
+    var: tuple[float, float] = (math.nan, math.nan)
+    floor: float = 0.0
+
+    @property
+    def least_mu(self) -> float:
+        """Coefficient with which the next grasp of the object begins; NaN: unknown."""
+        return math.exp(self.ln[0] - Z * math.sqrt(self.var[0] + 2.0 * SCATTER**2))
+
+
 class Taught(NamedTuple):
-    """What was learned of one coefficient; each pair is the mean and the variance of its logarithm.
+    """What was learned of one coefficient.
 
     Attributes:
         slips: By the slips of the present grasp, the newest last; None: one that was disproved since.
         earlier: By earlier grasps of the named object; None: nothing.
     """
 
-    slips: tuple[tuple[float, float] | None, ...]
-    earlier: tuple[float, float] | None
+    slips: tuple[LogMu | None, ...]
+    earlier: LogMu | None
 
 
 class RotationFriction:

@@ -4,7 +4,7 @@ Lengths in m, forces in N, torques in N·m; arrays float64 with shape (n,) for t
 the pad's centre, Z out of the pad towards the object, X along its longer side); forces are those on the finger.
 
 This is what a scientist calls. `slipd.fusion.grasp` has the grasp that two fingers make, `slipd.fusion.streaming` and
-`slipd.fusion.levels` have what follows a sensor reading by reading.
+`slipd.fusion.contact_state` have what follows a sensor reading by reading.
 """
 
 from slipd.fusion.contact import Contact, contact_from_wrench

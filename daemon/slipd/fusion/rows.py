@@ -77,7 +77,7 @@ ASSESSMENT = np.dtype(
     ],
     align=True,
 )
-"""Verdict on a reading, see `slipd.fusion.levels.Assessment`."""
+"""Verdict on a reading, see `slipd.fusion.contact_state.Assessment`."""
 
 READING = np.dtype(
     [

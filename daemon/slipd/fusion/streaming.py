@@ -18,9 +18,9 @@ import numpy as np
 from slipd.fusion.assess import assess_readings
 from slipd.fusion.compiled import compiled, compiled_part
 from slipd.fusion.contact import Contact, contact_numbers
+from slipd.fusion.contact_state import Assessment
 from slipd.fusion.friction_learning import learn
 from slipd.fusion.hull import fill_margins
-from slipd.fusion.levels import Assessment
 from slipd.fusion.limit.batch import solve_readings
 from slipd.fusion.limit.frame import Load
 from slipd.fusion.limit.solve import GOAL, KINDS, MAX_PASSES, Stop, utilisation_of

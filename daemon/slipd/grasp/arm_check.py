@@ -92,7 +92,7 @@ class ArmCheck:
         for span in SPANS:
             better = self._compare(span) if self._count >= span else None
             if better is not None and self._is_seen_again(better):
-                self._believed, self.fault = better, _words(better)
+                self._believed, self.fault = better, _fault_of(better)
                 self._seen.clear()
                 return
 
@@ -133,7 +133,7 @@ class ArmCheck:
         return found
 
 
-def _words(index: int) -> str:
+def _fault_of(index: int) -> str:
     """Return the fault for people; "" for a stream that fits as it is."""
     if index == 0:
         return ""

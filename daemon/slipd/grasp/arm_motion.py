@@ -176,7 +176,7 @@ class ArmMotion:
         """Return whether the stream is fresh and believed at ``t_ns``."""
         return self._fresh_until_ns is not None and t_ns <= self._fresh_until_ns and not self.misfit
 
-    def drives(self, finger: str, t_ns: int) -> bool:
+    def sets_gravity_of(self, finger: str, t_ns: int) -> bool:
         """Return whether the gravity of a finger comes from the arm at ``t_ns``."""
         return finger in self._fingers and self.is_used(t_ns)
 

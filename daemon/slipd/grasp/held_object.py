@@ -119,7 +119,7 @@ class HeldObject:
         self.swing: Swing | None = None
         self._known: dict[str, ObjectState] = {}
         self._alike = 0  # readings in a row that weigh as much as the named object
-        self._supported: ObjectState | None = None
+        self._carried_in_part: ObjectState | None = None
         self._noise_n = min((side.noise_n for side in sides), default=LEAST_NOISE_N)
         self._estimate, self._swing = ObjectEstimate(), SwingEstimate()
         self._check = ArmCheck(math.hypot(*(side.noise_n for side in sides)))
@@ -141,7 +141,7 @@ class HeldObject:
         self._follow_touches()
         by_arm = self._arm is not None and self._learn_by_arm(self._arm, width_m, t_ns)
         self.state = self._judge(motion_known=by_arm or self._learn_by_requests(width_m, t_ns))
-        self.supported = self._supported if self.state.unknown == NOT_MOVED else None
+        self.supported = self._carried_in_part if self.state.unknown == NOT_MOVED else None
         self.swing = self._swing.swing()
         return self._next_ns
 
@@ -210,7 +210,7 @@ class HeldObject:
 
     def _learn(self, load: _Load, own: Array, motion: GripperMotion) -> None:
         """Learn mass and centre of mass from a load whose ``own`` part is known, and keep those of a named object."""
-        name, estimate, self._supported = self._named.name, self._estimate, None
+        name, estimate, self._carried_in_part = self._named.name, self._estimate, None
         known = None if name is None else self._known.get(name)
         if known is not None and estimate.state.com_m is None and not estimate.recognised:
             self._recognise(known, own[:3], motion.gravity_mps2)
@@ -224,7 +224,7 @@ class HeldObject:
         weight_n = (known.mass_kg or 0.0) * gravity_mps2
         error_n = SAME_WEIGHT * np.linalg.norm(weight_n)
         if np.linalg.norm(force_n) <= np.linalg.norm(weight_n) + error_n:
-            self._supported = known
+            self._carried_in_part = known
         self._alike = self._alike + 1 if np.linalg.norm(force_n - weight_n) <= error_n else 0
         if self._alike == SAME_READINGS:
             self._alike = 0

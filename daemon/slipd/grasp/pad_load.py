@@ -11,9 +11,9 @@ import numpy as np
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import LoadDistribution
 from slipd.finger.trust import is_trusted
+from slipd.fusion.contact_state import WrenchUncertainty
 from slipd.fusion.friction_learning import Z
 from slipd.fusion.held_pad import NET_SHARE, HeldPad, tipping_edges, twist_net
-from slipd.fusion.levels import WrenchUncertainty
 from slipd.grasp.grasp_view import Place
 from slipd.types.arrays import Array
 

@@ -30,7 +30,7 @@ def not_free(fingers: Mapping[str, Finger], t_ns: int) -> tuple[str, ...]:
     return tuple(
         name
         for name, finger in fingers.items()
-        if finger.presence.is_pressed() is not False or not finger.trust.at_rest(t_ns)
+        if finger.presence.is_pressed() is not False or not finger.trust.for_opening(t_ns)
     )
 
 

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from slipd.fusion.compiled import compiled
+from slipd.fusion.contact_state import WrenchUncertainty
 from slipd.fusion.level_hysteresis import CERTAIN_STDS
-from slipd.fusion.levels import WrenchUncertainty
 from slipd.motion.evidence import BLOCK_S, LASTS_NS, SAME_SHARE
 from slipd.signals.pad import PadGeometry
 from slipd.types.arrays import Array, Mask

@@ -18,7 +18,7 @@ import math
 
 import numpy as np
 
-from slipd.fusion.levels import WrenchUncertainty
+from slipd.fusion.contact_state import WrenchUncertainty
 from slipd.motion.evidence import BLOCK_S, LEAST_READINGS, Evidence, f_surprise
 from slipd.motion.image_blocks import SLIGHT_SHARE, Block, ImageBlocks
 from slipd.motion.image_fit import MOST_TILT, MOTIONS, ImageComparison, ImageFit

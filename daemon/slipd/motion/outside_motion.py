@@ -62,7 +62,9 @@ class OutsideMotion:
             self._begin(t_ns)
         if t_ns - (self._since_ns or t_ns) < LASTS_NS:
             return None
-        found = [surprise for surprise in (_of_speed(reading), self._of_pose(reading)) if surprise is not None]
+        found = [
+            surprise for surprise in (_speed_surprise(reading), self._pose_surprise(reading)) if surprise is not None
+        ]
         if not found:
             return None
         surprise = max(found) - math.log(len(found))
@@ -73,7 +75,7 @@ class OutsideMotion:
         """Take the newest evidence as true: the pose of now is the one from which a further motion is measured."""
         self._begin(self._since_ns)
 
-    def _of_pose(self, reading: ObjectSample) -> float | None:
+    def _pose_surprise(self, reading: ObjectSample) -> float | None:
         """Return the surprise of the displacement from the reference; None without a reference."""
         if reading.xyz_m is None:
             return None
@@ -108,8 +110,8 @@ class OutsideMotion:
         return np.array((*xyz_m, *(REACH_M * angle for angle in turn)))
 
 
-def _of_speed(reading: ObjectSample) -> float | None:
-    """Return the surprise of a speed that its error explains; None where it is not stated."""
+def _speed_surprise(reading: ObjectSample) -> float | None:
+    """Return the surprise of the stated speed; None where the speed or its error is not stated."""
     if reading.speed_mps is None or not reading.speed_std_mps:
         return None
     return f_surprise((max(reading.speed_mps, 0.0) / reading.speed_std_mps) ** 2, 1, KNOWN)

@@ -92,7 +92,7 @@ class FingerHandlers:
             raise RefusalError("not_ready", rule, "finger")
         if fault := gravity_fault(gravity):
             raise RefusalError("out_of_range", fault, "gravity_mps2")
-        if self._arm is not None and self._arm.drives(finger.name, t_ns):
+        if self._arm is not None and self._arm.sets_gravity_of(finger.name, t_ns):
             rule = f"the arm stream ([grasp.arm]) gives the gravity of finger {finger.name}: no client may set it now"
             raise RefusalError("not_ready", rule, "gravity_mps2")
         sender, sent_ns = self._gravity_from.get(finger.name, (request.client, t_ns))

@@ -12,7 +12,7 @@ from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.freshness import Read
 from slipd.finger.stream_health import force_conditions
-from slipd.fusion.levels import CONTACT_STATE
+from slipd.fusion.contact_state import CONTACT_STATE
 from slipd.fusion.recent_forces import mean_wrench
 from slipd.fusion.rows import new_rows
 from slipd.fusion.streaming import move_to_pad, wrench_at

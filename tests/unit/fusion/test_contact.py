@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from slipd.config import Levels, Slip
 from slipd.fusion import Contact, contact_from_wrench
 from slipd.fusion.contact import contact_of
-from slipd.fusion.levels import ContactState, WrenchUncertainty
+from slipd.fusion.contact_state import ContactState, WrenchUncertainty
 from slipd.fusion.rows import FREE, LATE, PENDING, TOUCHING, UNTRUSTED
 from slipd.fusion.streaming import (
     contact_at,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from load_course import MU, STD_N, assess, line, readings, slips_at, watch
 
-from slipd.fusion.levels import WrenchUncertainty
+from slipd.fusion.contact_state import WrenchUncertainty
 from slipd.types.arrays import Array
 
 RISE, HOLD = (2.0, 6.0, 800), 300

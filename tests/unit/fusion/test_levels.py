@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from load_course import MU, Watch, assess, contact_rows, watch
 
+from slipd.fusion.contact_state import WrenchUncertainty
 from slipd.fusion.level_hysteresis import CERTAIN_STDS
-from slipd.fusion.levels import WrenchUncertainty
 from slipd.fusion.load_growth import GROWTH_S, grows
 from slipd.fusion.rows import CAUTION, FREE, STABLE, WARNING, Rows
 from slipd.types.arrays import Array

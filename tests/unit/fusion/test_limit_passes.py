@@ -12,7 +12,7 @@ from limit_contacts import MU, disc, random_contact
 
 from slipd.config import Levels, Slip
 from slipd.fusion import torque_limit, utilisation
-from slipd.fusion.levels import ContactState
+from slipd.fusion.contact_state import ContactState
 from slipd.fusion.limit.batch import solve_readings
 from slipd.fusion.rows import FREE, UNTRUSTED
 from slipd.fusion.streaming import contact_at, find_contacts, new_readings, utilisation_at

@@ -9,7 +9,7 @@ import pytest
 from chirps import chirp
 from nanoseconds import MS
 
-from slipd.fusion.levels import WrenchUncertainty
+from slipd.fusion.contact_state import WrenchUncertainty
 from slipd.motion.evidence import BLOCK_S, Evidence
 from slipd.motion.image_blocks import Block
 from slipd.motion.image_fit import ImageComparison

@@ -10,7 +10,7 @@ import pytest
 from chirps import chirp
 from plain_kernels import run_without_compilation
 
-from slipd.fusion.levels import WrenchUncertainty
+from slipd.fusion.contact_state import WrenchUncertainty
 from slipd.motion import image_blocks, image_fit, shift_path
 from slipd.motion.evidence import LONG_STEP, REPORTED_NS, Evidence, f_surprise
 from slipd.motion.image_blocks import ImageBlocks

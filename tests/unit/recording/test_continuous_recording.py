@@ -15,7 +15,7 @@ from slipd.recording.mcap_file import EVENTS
 from slipd.recording.reader import open_recording
 from slipd.recording.recorder import Recorder
 from slipd.recording.run_files import RecordingLimitError
-from slipd.recording.run_recorders import RETRY_NS, ContinuousRecording
+from slipd.recording.run_recordings import RETRY_NS, ContinuousRecording
 
 SECOND_NS = 1_000_000_000
 OPEN = (LinkUp("left.wrench", "/dev/ttyUSB0"),)

@@ -20,7 +20,7 @@ from slipd.recording.entry_walk import Entry
 from slipd.recording.incidents import Incidents
 from slipd.recording.mcap_file import EVENTS, RecordingFile
 from slipd.recording.run_files import RunFiles
-from slipd.recording.run_recorders import RunRecorders
+from slipd.recording.run_recordings import RunRecordings
 
 SECOND_NS = 1_000_000_000
 WARNING = {"finger": "left", "level": "warning", "previous": "stable"}
@@ -160,23 +160,23 @@ def test_of_all_messages_of_a_run_a_warning_and_a_loss_are_incidents(
     tmp_path: Path, rig: str, enabled: bool, saved: list[str]
 ) -> None:
     table = f'[recording]\ndirectory = "{tmp_path}"\n[recording.incidents]\nenabled = {str(enabled).lower()}\n'
-    recorders = RunRecorders(config.parse(f"{rig}\n{table}", "rig.toml"), "b00t", WallClock(0), None)
-    recorders.open(0)
-    recorders.handle(Record("asked.mcap"), 0)
-    recorders.event(Tick(7), 0)
+    recordings = RunRecordings(config.parse(f"{rig}\n{table}", "rig.toml"), "b00t", WallClock(0), None)
+    recordings.open(0)
+    recordings.handle(Record("asked.mcap"), 0)
+    recordings.event(Tick(7), 0)
     for topic, body in (("status", {}), ("warning", WARNING), ("grasp", {"state": "lost", "state_t_ns": 1})):
-        recorders.published(Publish(topic, body), b"\x80", 0)
-    recorders.close()
+        recordings.published(Publish(topic, body), b"\x80", 0)
+    recordings.close()
     assert sorted(name.rpartition("b00t-")[2] for name in files(tmp_path)) == saved
     assert [complete(tmp_path / name)[0] for name in files(tmp_path)] == [Entry(0, 0, EVENTS, Tick(7))] * len(saved)
 
 
 @pytest.mark.parametrize("started", [True, False])
 def test_the_file_of_a_whole_run_is_kept_only_if_the_run_began(tmp_path: Path, rig: str, started: bool) -> None:
-    recorders = RunRecorders(config.parse(rig, "rig.toml"), "b00t", WallClock(0), tmp_path / "run.mcap")
-    recorders.open(0)
-    recorders.event(Tick(7), 0)
+    recordings = RunRecordings(config.parse(rig, "rig.toml"), "b00t", WallClock(0), tmp_path / "run.mcap")
+    recordings.open(0)
+    recordings.event(Tick(7), 0)
     if started:
-        recorders.kept = True
-    recorders.close()
+        recordings.kept = True
+    recordings.close()
     assert [complete(path) for path in tmp_path.iterdir()] == [[Entry(0, 0, EVENTS, Tick(7))]] * started

@@ -14,12 +14,12 @@ from recorded_entries import complete, small_disk
 
 from slipd.errors import RecordingError
 from slipd.events import LinkUp, Record, RecordingChanged, Tick
-from slipd.recording import recorder, run_recorders
+from slipd.recording import recorder, run_recordings
 from slipd.recording.entry_walk import Entry
 from slipd.recording.mcap_file import EVENTS, RunHead
 from slipd.recording.recorder import START_LIMIT_NS, Recorder
 from slipd.recording.run_files import DiskLimits, check_folder, private_directory, state_dir
-from slipd.recording.run_recorders import MOST_UNFINISHED, RequestedRecordings
+from slipd.recording.run_recordings import MOST_UNFINISHED, RequestedRecordings
 
 LIMITS = DiskLimits(max_bytes=10**9, min_free_bytes=0)
 
@@ -215,7 +215,7 @@ def test_K1_a_disk_that_hangs_delays_the_end_once_not_once_per_recording(
     recordings = RequestedRecordings(state, partial(make, prepare=held(disk, state)))
     for name in ("a.mcap", "b.mcap"):
         recordings.handle(Record(name), 0)
-    monkeypatch.setattr(run_recorders, "CLOSE_LIMIT_S", 0.05)
+    monkeypatch.setattr(run_recordings, "CLOSE_LIMIT_S", 0.05)
     recordings.close()
     assert waits[0] <= 0.05
     assert waits[1:] == [0.0], "the first took all the time there was"

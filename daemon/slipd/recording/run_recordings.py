@@ -146,7 +146,7 @@ class ContinuousRecording(RequestedRecordings):
         return [replace(change, name="") for change in changes]
 
 
-class RunRecorders:
+class RunRecordings:
     """Pass events and messages to every recording, and report what becomes of the files.
 
     Args:
