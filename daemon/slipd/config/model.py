@@ -20,7 +20,7 @@ from slipd.config.service_tables import (
     Restart,
 )
 from slipd.config.stream_tables import Finger, NotNegative, Pad, Pose, Positive, Slip, Stream, Table, Wrench
-from slipd.config.value_bounds import Calm, Grip, LeadTime, Quaternion, Slew, StrictModel
+from slipd.config.value_bounds import Grip, Quaternion, Slew, StrictModel, within
 from slipd.devices import DEVICES
 
 STALE_PERIODS = 3.0
@@ -158,8 +158,8 @@ class Reflex(StrictModel):
     raise_n_per_s: Slew = 50.0
     ceiling_n: Grip | None = None
     slip_gain: float = Field(default=1.2, ge=1.0, le=3.0)
-    lead_time_s: LeadTime = 0.1
-    calm_s: Calm = 2.0
+    lead_time_s: Annotated[float, within(1e-3, 10.0, "s", "ms")] = 0.1
+    calm_s: Annotated[float, within(1e-3, 3600.0, "s", "ms")] = 2.0
     lower_n_per_s: float = Field(default=0.0, ge=0.0)
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from slipd.config.stream_tables import Hertz
-from slipd.config.value_bounds import FalseAlarms, StrictModel
+from slipd.config.value_bounds import StrictModel, within
 
 File = Annotated[str, Field(pattern=r"^/[^\x00-\x1f]+$")]
 """An absolute path."""
@@ -31,7 +31,7 @@ class Levels(StrictModel):
     caution: float = Field(default=0.70, gt=0.0, lt=1.0)
     warning: float = Field(default=0.85, gt=0.0, le=1.0)
     hysteresis: float = Field(default=0.05, ge=0.0, lt=0.5)
-    false_alarms_per_hour: FalseAlarms = 1.0
+    false_alarms_per_hour: Annotated[float, within(1e-3, 100.0, "/h")] = 1.0  # from once in six weeks to once in 36 s
 
 
 class Rates(StrictModel):

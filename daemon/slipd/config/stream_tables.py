@@ -6,27 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, Strict
 
-from slipd.config.value_bounds import (
-    MOST_FRICTION,
-    DriftForce,
-    DriftTime,
-    DriftTorque,
-    Electrode,
-    ForceNoise,
-    Friction,
-    Leak,
-    Mass,
-    Pitch,
-    Place,
-    Quaternion,
-    Range,
-    SlipHold,
-    SlipWindow,
-    Spread,
-    StrictModel,
-    TorqueNoise,
-    TorqueRange,
-)
+from slipd.config.value_bounds import MOST_FRICTION, Friction, Place, Quaternion, StrictModel, within
 
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
@@ -142,16 +122,17 @@ class Wrench(Stream):
 
     sign: Literal[1, -1] = 1
     pad_from_sensor: Pose = Pose()
-    mass_kg: Mass = 0.0
+    mass_kg: Annotated[float, within(1e-5, 10.0, "kg", "g", zero=True)] = 0.0  # from a fingertip to a whole gripper
     com_m: Place = Field(default=[0.0, 0.0, 0.0])
-    force_std_n: ForceNoise = 0.02
-    torque_std_nm: TorqueNoise = 0.0005
-    range_n: Range | None = None
-    range_nm: TorqueRange | None = None
+    force_std_n: Annotated[float, within(0.0, 10.0, "N", "mN")] = 0.02  # more hides every contact
+    torque_std_nm: Annotated[float, within(0.0, 1.0, "N·m", "mN·m")] = 0.0005
+    # From sensors for fingertips to those of large robots.
+    range_n: Annotated[float, within(0.1, 1e5, "N")] | None = None
+    range_nm: Annotated[float, within(1e-4, 1e5, "N·m", "mN·m")] | None = None
     stuck_after: int = Field(default=50, ge=0)
-    drift_tau_s: DriftTime | None = None
-    drift_limit_n: DriftForce = 1.0
-    drift_limit_nm: DriftTorque = 0.02
+    drift_tau_s: Annotated[float, within(1e-2, 1e6, "s")] | None = None  # from seconds to days
+    drift_limit_n: Annotated[float, within(1e-4, 100.0, "N", "mN")] = 1.0  # more belongs to a broken sensor
+    drift_limit_nm: Annotated[float, within(1e-6, 10.0, "N·m", "mN·m")] = 0.02
 
 
 class Pad(Stream):
@@ -191,8 +172,8 @@ class Pad(Stream):
 
     rows: int = Field(gt=0, le=64)
     cols: int = Field(gt=0, le=64)
-    pitch_m: Pitch
-    electrode_m: Electrode
+    pitch_m: Annotated[float, within(1e-4, 0.05, "m", "mm")]  # from the finest arrays to the coarsest skins
+    electrode_m: Annotated[float, within(1e-5, 0.05, "m", "mm")]
     swap_xy: bool = False
     flip_x: bool = False
     flip_y: bool = False
@@ -202,7 +183,7 @@ class Pad(Stream):
     full_scale: Positive | None = None
     gain_error: float | None = Field(default=None, gt=0.0, lt=1.0)
     stuck_after: int = Field(default=0, ge=0)
-    charge_tau_s: Leak | None = None
+    charge_tau_s: Annotated[float, within(1e-3, 3600.0, "s", "ms")] | None = None
 
 
 class Slip(StrictModel):
@@ -218,8 +199,8 @@ class Slip(StrictModel):
     """
 
     drop: float = Field(default=0.03, gt=0.0, lt=1.0)
-    window_s: SlipWindow = 0.04
-    hold_s: SlipHold = 3.0
+    window_s: Annotated[float, within(1e-3, 1.0, "s", "ms")] = 0.04  # no contact breaks loose more slowly
+    hold_s: Annotated[float, within(1e-3, 60.0, "s", "ms")] = 3.0
 
 
 class Finger(StrictModel):
@@ -253,7 +234,7 @@ class Finger(StrictModel):
 
     mu: Friction | None = None
     mu_max: Friction | None = None
-    mu_spread: Spread = 0.1
+    mu_spread: Annotated[float, within(1e-3, 1.0, "", zero=True)] = 0.1  # no μ is measured to a thousandth
     mu_rotation: Friction | None = None
     min_normal_n: Positive = 0.3
     load_rule: Literal["matched", "grey", "binary"] = "matched"

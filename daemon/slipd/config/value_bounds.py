@@ -85,6 +85,11 @@ class Bounds:
         return self.least <= value <= self.most or (self.zero and value == 0.0)
 
 
+def within(least: float, most: float, unit: str, thousandth: str = "", *, zero: bool = False) -> AfterValidator:
+    """Return the bounds of a key for its annotation; arguments as the attributes of `Bounds`."""
+    return AfterValidator(Bounds(least, most, unit, thousandth, zero))
+
+
 class StrictModel(BaseModel):
     """A table of a config; refuses unknown keys, wrong types, NaN and infinity."""
 
@@ -130,56 +135,11 @@ GRIP = Bounds(0.0, 5e3, "N", "mN")
 SPEED = Bounds(0.0, 2.0, "m/s", "mm/s")
 """A jaw that closes at 2 m/s breaks what it grips."""
 
-Pitch = Annotated[float, AfterValidator(Bounds(1e-4, 0.05, "m", "mm"))]
-"""The finest tactile arrays have a pitch of some tenths of a millimetre, the coarsest skins one of some centimetres."""
-
-Electrode = Annotated[float, AfterValidator(Bounds(1e-5, 0.05, "m", "mm"))]
 Place = Annotated[list[float], Field(min_length=3, max_length=3), AfterValidator(PLACE)]
-
-Mass = Annotated[float, AfterValidator(Bounds(1e-5, 10.0, "kg", "g", zero=True))]
-"""From a fingertip of some grams to a whole gripper on a sensor at the wrist."""
-
 Friction = Annotated[float, AfterValidator(Bounds(0.01, MOST_FRICTION, "", meant=meant_friction))]
-
-Spread = Annotated[float, AfterValidator(Bounds(1e-3, 1.0, "", zero=True))]
-"""A coefficient is never measured to a thousandth; beyond its own size its deviation says nothing."""
-
-ForceNoise = Annotated[float, AfterValidator(Bounds(0.0, 10.0, "N", "mN"))]
-"""A noise of 10 N hides every contact that fingers have."""
-
-TorqueNoise = Annotated[float, AfterValidator(Bounds(0.0, 1.0, "N·m", "mN·m"))]
-
-FalseAlarms = Annotated[float, AfterValidator(Bounds(1e-3, 100.0, "/h"))]
-"""Rarer than once in six weeks is no rate that a test could show; more than one in 36 s warns of nothing."""
-
-Range = Annotated[float, AfterValidator(Bounds(0.1, 1e5, "N"))]
-"""From gram-force sensors for fingertips to the largest six-axis sensors of industrial robots."""
-
-TorqueRange = Annotated[float, AfterValidator(Bounds(1e-4, 1e5, "N·m", "mN·m"))]
-
-DriftForce = Annotated[float, AfterValidator(Bounds(1e-4, 100.0, "N", "mN"))]
-"""A zero that drifts further belongs to a broken sensor."""
-
-DriftTorque = Annotated[float, AfterValidator(Bounds(1e-6, 10.0, "N·m", "mN·m"))]
-
-DriftTime = Annotated[float, AfterValidator(Bounds(1e-2, 1e6, "s"))]
-"""Zeros creep within seconds at the fastest, and over days."""
-
-Leak = Annotated[float, AfterValidator(Bounds(1e-3, 3600.0, "s", "ms"))]
-"""Charge amplifiers leak within milliseconds to an hour."""
-
 Grip = Annotated[float, Field(gt=0.0), AfterValidator(GRIP)]
 
 Slew = Annotated[float, AfterValidator(Bounds(1e-3, 5e4, "N/s", "mN/s"))]
 """From creeping to the full force of the strongest gripper within a tenth of a second."""
 
-SlipWindow = Annotated[float, AfterValidator(Bounds(1e-3, 1.0, "s", "ms"))]
-"""A contact breaks loose within milliseconds to a second."""
-
-SlipHold = Annotated[float, AfterValidator(Bounds(1e-3, 60.0, "s", "ms"))]
-
-LeadTime = Annotated[float, AfterValidator(Bounds(1e-3, 10.0, "s", "ms"))]
-"""A warning comes some seconds before a drop at most."""
-
-Calm = Annotated[float, AfterValidator(Bounds(1e-3, 3600.0, "s", "ms"))]
 Quaternion = Annotated[list[float], Field(min_length=4, max_length=4), AfterValidator(unit_quaternion)]
