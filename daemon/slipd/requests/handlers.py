@@ -41,7 +41,6 @@ class RequestHandlers:
         self._steering = {name: op.steers for name, op in OPS.items() if rig.reflex is not None and name not in free}
         advice = None if rig.grasp is None else rig.grasp.advice
         self._kept = IdempotencyCache()
-        self._pending: dict[tuple[bytes, str | int], Body] = {}
         self._ops: dict[str, Handler] = {
             # methods: a lambda of a copied engine would answer with the parts of the first one
             "hello": self._hello,
@@ -76,8 +75,7 @@ class RequestHandlers:
         try:
             self._check_steering(request, t_ns)
             if op == "record.start":
-                self._recordings.start(request, t_ns)
-                return self._pending.setdefault((request.client, number), {})
+                return self._recordings.start(request, t_ns)
             return replies.granted(number, self._ops[op](request, t_ns), t_ns)
         except RefusalError as error:
             return replies.refused(number, error.refusal, t_ns)
@@ -104,11 +102,11 @@ class RequestHandlers:
 
     def note_recording(self, event: RecordingChanged, t_ns: int) -> Reply | None:
         """Note the new state of a recording, and answer the request that waited for it."""
-        request = self._recordings.note(event)
-        if request is None:
+        waiting = self._recordings.note(event)
+        if waiting is None:
             return None
+        request, reply = waiting
         number = request.body["id"]
-        reply = self._pending.pop((request.client, number), {})
         # in place, so that a copy of the request gets the same reply
         if event.state == "running":
             reply |= replies.granted(number, replies.recording_file(event), t_ns)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from slipd.events import Record, RecordingChanged, Request, WallClock
+from slipd.events import Body, Record, RecordingChanged, Request, WallClock
 from slipd.types.permit import RefusalError
 
 
@@ -28,11 +28,11 @@ class RecordingState:
         self._count = 0
         self.requested = RecordingChanged("", "", "none")
         self.whole_run: RecordingChanged | None = None
-        self._waiting: dict[str, Request] = {}
+        self._waiting: dict[str, tuple[Request, Body]] = {}
         self._due: list[Record] = []
 
-    def start(self, request: Request, t_ns: int) -> None:
-        """Start a recording; the reply waits for the disk (`note`).
+    def start(self, request: Request, t_ns: int) -> Body:
+        """Start a recording; return its reply, which is empty until the disk has answered (`note`).
 
         Raises:
             RefusalError: One is running.
@@ -43,8 +43,10 @@ class RecordingState:
         self._count += 1
         name = f"slipd-{self._wall.stamp(t_ns)}-{self._boot}-{self._count}.mcap"
         self.requested = RecordingChanged(name, "", "running")
-        self._waiting[name] = request
         self._due.append(Record(name))
+        reply: Body = {}
+        self._waiting[name] = request, reply
+        return reply
 
     def stop(self) -> RecordingChanged:
         """End the recording that runs, and return it.
@@ -60,8 +62,8 @@ class RecordingState:
         self._due.append(Record(""))
         return self.requested
 
-    def note(self, event: RecordingChanged) -> Request | None:
-        """Note the new state of a recording; return the request that waited for it, if one did."""
+    def note(self, event: RecordingChanged) -> tuple[Request, Body] | None:
+        """Note the new state of a recording; return the request that waited for it, if one did, and its empty reply."""
         if not event.name:
             self.whole_run = event
             return None
