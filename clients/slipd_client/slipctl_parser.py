@@ -1,26 +1,32 @@
-"""The commands of ``slipctl``, in the order of the help, and their parser."""
+"""The commands of ``slipctl``, in the order of the help, and their parser.
+
+Types, ranges and help of the arguments of requests come from the schema of the wire.
+"""
 
 from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 from slipd_client.arguments import (
     JSON,
     LISTEN,
+    Add,
     Command,
     CommandParser,
     add_commands,
     add_connection,
     argument,
+    escaped,
     matching,
+    number_in,
     one_of,
 )
 from slipd_client.friction_session import MOST_SAMPLES
-from slipd_client.messages.fields import NUMBER, Field
+from slipd_client.messages.fields import FLAG, NUMBER, Field
 from slipd_client.messages.ops import OPS
-from slipd_client.request_arguments import field_argument, help_of, request, type_of
 from slipd_client.serve_commands import SERVE_COMMANDS
 
 SLIPD = (
@@ -28,6 +34,44 @@ SLIPD = (
     *("import", "evaluate", "export", "doctor", "init", "commission", "emulate", "touch"),
 )
 """Commands of ``slipd`` alone."""
+
+_METAVARS = {"seconds": "S", "width_m": "M", "speed_mps": "MPS"}
+"""Of options; a positional argument has the name of its field."""
+
+
+def type_of(field: Field) -> Callable[[str], str | float]:
+    """Return what turns the text of an argument into a value of a field."""
+    return number_in(field.number_range, field.allows) if field.kind is NUMBER else str
+
+
+def help_of(field: Field) -> str:
+    """Return what a field is, with its unit, range and default; plain text without markup."""
+    limits = ", ".join(filter(None, (field.unit, field.number_range, field.limit if field.pattern else "")))
+    default = f"default: {field.default_text}" if field.default_text and field.kind is not FLAG else ""
+    facts = "; ".join(filter(None, (limits, default)))
+    meaning = field.meaning.partition("; nil")[0]  # nobody types nil
+    return escaped(f"{meaning} ({facts})" if facts else meaning).replace("`", "")
+
+
+def field_argument(name: str, field: Field) -> Add:
+    """Return what adds an argument for a field of an op; required fields and coefficients are positional."""
+    if field.kind is FLAG:
+        return argument(f"--{name}", action="store_true", help=help_of(field))
+    if name == "stream":  # after the finger, as in the client's methods
+        return argument(name, metavar="STREAM", choices=field.words, nargs="?", help=help_of(field))
+    if field.required or name == "mu_d":
+        nargs = None if field.required else "?"
+        return argument(name, metavar=name.upper(), type=type_of(field), nargs=nargs, help=help_of(field))
+    option, metavar = f"--{name.replace('_', '-')}", _METAVARS[name]
+    return argument(option, type=type_of(field), default=field.default, metavar=metavar, help=help_of(field))
+
+
+def request(name: str, op: str, purpose: str, *fields: str, more: Add | None = None) -> Command:
+    """Return the command that sends one request, with an argument for each of these fields of its op."""
+    arguments = [field_argument(field, OPS[op].fields[field]) for field in fields]
+    arguments += [JSON] if more is None else [more, JSON]
+    return Command(name, "slipd_client.slipctl:send_request", purpose, arguments, given={"op": op, "fields": fields})
+
 
 seconds = type_of(Field("hold", NUMBER, "how long to keep the lease", unit="s", least=0))
 """Type of arguments that are times, s."""
