@@ -19,7 +19,7 @@ from bench.alternatives import FLAGS, NATIVE, InC, compiled_c, hybr, plain_hybr
 from bench.tables import Table
 from chart.scenes import COLS, MU, PITCH_M, ROWS, Scene, grid, ordinary, scene
 
-from slipd.engine.warm_up import warm_up
+from slipd.compile_kernels import warm_up
 from slipd.fusion import TorqueLimit, torque_limit, torque_limits, utilisation, utilisations
 from slipd.types.arrays import Array
 

@@ -36,9 +36,9 @@ from run_courses import (
     wrote,
 )
 
+from slipd.compile_kernels import warm_up
 from slipd.devices import bota
 from slipd.devices.wsg import wsg_messages
-from slipd.engine.warm_up import warm_up
 from slipd.events import Bytes, HostNotice, IncidentsChanged, Publish, Request, Tick, WallClock, Write
 from slipd.tools.sim.emulated_pads import encode_message
 from slipd_client.messages import Health

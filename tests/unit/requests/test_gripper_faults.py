@@ -30,7 +30,7 @@ from run_courses import (
     wrote,
 )
 
-from slipd.requests.idempotency import MOST_CLIENTS, PER_CLIENT
+from slipd.requests.handlers import MOST_CLIENTS, PER_CLIENT
 
 BEN: dict[str, Any] = {"by": b"ben"}
 NO_LEASE, LATCHED = ("no_lease", ""), ("fault_latched", "")

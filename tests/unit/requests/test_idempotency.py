@@ -9,7 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from nanoseconds import MS
 
-from slipd.requests.idempotency import MOST_CLIENTS, PER_CLIENT, IdempotencyCache
+from slipd.requests.handlers import MOST_CLIENTS, PER_CLIENT, IdempotencyCache
 from slipd.types.permit import RefusalError
 
 T0 = 50_000_000_000
