@@ -20,7 +20,7 @@ from slipd.devices.external import encode_reading
 from slipd.engine.engine import Engine
 from slipd.events import Bytes, Event, LinkUp, Tick
 from slipd.grasp.object_estimate import ObjectState
-from slipd.grasp.swing_estimate import Swing
+from slipd.grasp.object_swing import Swing
 from slipd.tools.shipped_files import shipped_config
 from slipd.tools.sim.carry import carry_config
 from slipd.tools.sim.virtual_gripper import LINES, TICK_NS, carried_rig

@@ -13,7 +13,7 @@ from simulated_grasp.grasp_parts import FrictionLaw, GraspedObject, PadComplianc
 
 from slipd.fusion import contact_from_wrench, matched_loads, utilisation
 from slipd.grasp.motion_advice import GYRATION_M
-from slipd.grasp.swing_estimate import SwingEstimate
+from slipd.grasp.object_swing import SwingEstimate
 from slipd.tools.sim.scene_parts import Pad
 from slipd.types.arrays import Array
 

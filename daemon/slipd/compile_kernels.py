@@ -25,9 +25,8 @@ from slipd.fusion.contact_state import ContactState, WrenchUncertainty
 from slipd.fusion.held_pad import HeldPad, tipping_edges, twist_net
 from slipd.fusion.motion_limits import nearest_limit, worst_turn
 from slipd.fusion.motion_scale import check_points, follow_gravity, largest_scales
-from slipd.fusion.object_swing import swing_excess
 from slipd.fusion.streaming import move_to_pad, new_readings
-from slipd.grasp.swing_estimate import SwingEstimate
+from slipd.grasp.object_swing import SwingEstimate, swing_excess
 from slipd.io.progress import Progress
 from slipd.motion.evidence import BLOCK_S
 from slipd.motion.image_blocks import Block, ImageBlocks

@@ -32,7 +32,7 @@ from slipd.grasp.object_estimate import (
     ObjectState,
     gripped_again,
 )
-from slipd.grasp.swing_estimate import Swing, SwingEstimate, spin_about
+from slipd.grasp.object_swing import Swing, SwingEstimate, spin_about
 from slipd.types.arrays import Array, cross_matrix
 
 PERIOD_NS = 20_000_000

@@ -25,8 +25,8 @@ from slipd.grasp.arm_motion import ArmMotion
 from slipd.grasp.grasp_view import Place
 from slipd.grasp.held_object import HeldObject
 from slipd.grasp.motion_answers import Mode, MotionCheck, MotionLimits, unbounded
+from slipd.grasp.object_swing import with_swing
 from slipd.grasp.pad_load import PadLoad, shares_of
-from slipd.grasp.swing_estimate import with_swing
 from slipd.signals.gravity import MOST_GRAVITY_MPS2, STANDARD_GRAVITY_MPS2, gravities_at
 from slipd.types.arrays import Array
 
