@@ -76,7 +76,7 @@ class Decoder(FrameDecoder):
 
     def _readings(self, data: bytes, t_ns: int) -> list[TactileSample]:
         samples: list[TactileSample] = []
-        while self._begins_next_scan(data):
+        while data and self._begins_next_scan(data):
             _, self._scan, self._scan_time_us, dwell = _HEAD.unpack_from(data, len(_SYNC))
             self._dwell_ns = dwell * _DWELL_UNIT_NS
             samples.append(self._complete(np.ndarray(self._grid, "<i2", data, _COUNTS_AT, (self._length, 2)), t_ns))

@@ -55,11 +55,6 @@ class ContactEstimator:
         self._arrays = _NO_TAXELS
         self.certain = True
 
-    @property
-    def in_contact(self) -> bool:
-        """The newest reading that could be trusted touches."""
-        return bool(self.contact.row["memory"]["in_contact"][0])
-
     def note_motion(self, until_ns: int, evidence: int) -> None:
         """Report slip until a time; see `ContactState.note_motion`."""
         self.contact.note_motion(until_ns * 1e-9, evidence)
@@ -150,7 +145,7 @@ class ContactEstimator:
             if phase == TOUCHING and distribution is not None:
                 required = abs(distribution.spin_required(contact_at(rows, k)))
                 self.friction.rotation.carry(float(rows["t_s"][k]), required)
-        if not self.in_contact:
+        if not self.contact.row["memory"]["in_contact"][0]:
             self.friction.forget_turns()
 
     def set_uncertainty(self, uncertainty: WrenchUncertainty, *, zero_known: bool) -> None:

@@ -366,7 +366,7 @@ class Finger:
     @property
     def in_contact(self) -> bool:
         """The newest reading that could be trusted touches."""
-        return self._estimator.in_contact
+        return bool(self._estimator.contact.row["memory"]["in_contact"][0])
 
     # Requests
 

@@ -55,6 +55,7 @@ class GripperControl:
         session: As given.
         grip: The grip in force.
         sample: The newest reading; None while nothing is known.
+        width_m: Width between the pads, m; None if not known.
     """
 
     def __init__(self, config: GripperConfig, session: GripperSession, fingers: Mapping[str, Finger]) -> None:
@@ -66,6 +67,7 @@ class GripperControl:
         self.policy = GripPolicy(_limits(config), config.max_lease_ms)
         self.grip = GripInForce(self.policy, session, self._fingers)
         self.sample: GripperSample | None = None
+        self.width_m: float | None = None
         self._goal_m: float | None = None  # of the last motion; None: not known, or halted
         self._from_m: float | None = None  # where the fingers were before it
         self._goals_m: tuple[float, float] | None = None  # of the motions that may be under way
@@ -78,7 +80,7 @@ class GripperControl:
 
     def update(self, sample: GripperSample) -> None:
         """Update with a status reading."""
-        self.sample, self._heard_ns = sample, sample.t_ns
+        self.sample, self._heard_ns, self.width_m = sample, sample.t_ns, finite_or_none(sample.width_m)
         self.policy.latch(self._faults.update(sample, self.grip.command_n))
         self._moves = sample.moving or (self._moves and sample.t_ns <= self._moved_ns)
         self._follow(sample)
@@ -162,11 +164,6 @@ class GripperControl:
         """Force, N, and width, m, last sent to the gripper; None where none was."""
         return self.grip.command_n, self.grip.closed_to_m
 
-    @property
-    def width_m(self) -> float | None:
-        """Width between the pads, m; None if not known."""
-        return None if self.sample is None else finite_or_none(self.sample.width_m)
-
     def acknowledge(self) -> Refusal | None:
         """Clear the latched fault; refused while a gripper with a grip in force does not answer."""
         if self.sample is None and self.policy.grips:
@@ -198,7 +195,7 @@ class GripperControl:
     def _lose_sight(self) -> None:
         """Forget the reported state: others may move the gripper from here on."""
         self.grip.lose_sight()
-        self.sample = self._goal_m = self._goals_m = None
+        self.sample = self.width_m = self._goal_m = self._goals_m = None
 
     def _follow(self, sample: GripperSample) -> None:
         """Find out whether the commanded motions are over; a reading may be older than the command."""

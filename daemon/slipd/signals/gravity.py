@@ -111,7 +111,7 @@ class GravityCompensation:
         self._lever_m = math.hypot(*weight.com_m)
         self._gravity: Array | None = None
         self._in_offset: Array | None = np.zeros(3)
-        self._fresh_until_ns: int | None = None
+        self._fresh_until_ns = -1  # nothing is known
         self._unknown = self._bounds(0.0)
 
     def set(self, gravity_mps2: Sequence[float], t_ns: int, fresh_ns: int = FRESH_NS) -> None:
@@ -125,12 +125,12 @@ class GravityCompensation:
 
     def extend(self, until_ns: int) -> None:
         """Let an orientation that was not forgotten be valid until then, if it is not valid for longer."""
-        if self._fresh_until_ns is not None:
+        if self._fresh_until_ns >= 0:
             self._fresh_until_ns = max(self._fresh_until_ns, until_ns)
 
     def forget(self) -> None:
         """Mark the orientation as old, because time passed that the clock did not count."""
-        self._fresh_until_ns = None
+        self._fresh_until_ns = -1
 
     def retare(self, gravity_mps2: Array | None) -> None:
         """Adapt to another offset, after a tare or its undo.
@@ -143,7 +143,7 @@ class GravityCompensation:
 
     def gravity(self, t_ns: int) -> Array | None:
         """Return the apparent gravity in the pad frame, shape (3,), m/s²; None if not known at ``t_ns``."""
-        return self._gravity if self._is_fresh(t_ns) else None
+        return self._gravity if t_ns <= self._fresh_until_ns else None
 
     def uncertainty(self, t_ns: int) -> tuple[float, float]:
         """Return the largest effect of the weight on a corrected reading at ``t_ns``, N and N·m; zeros if compensated.
@@ -151,7 +151,7 @@ class GravityCompensation:
         It assumes an arm that does not accelerate, with gravity in any direction: 2 m g after a tare, with the distance
         of the centre of mass as lever.
         """
-        if self.correction is not None and self._is_fresh(t_ns):
+        if self.correction is not None and t_ns <= self._fresh_until_ns:
             return 0.0, 0.0
         return self._unknown
 
@@ -159,10 +159,7 @@ class GravityCompensation:
         """Return "none" (no weight), "compensated" or "unknown_orientation"."""
         if self._weight.mass_kg == 0.0:
             return "none"
-        return "compensated" if self.correction is not None and self._is_fresh(t_ns) else "unknown_orientation"
-
-    def _is_fresh(self, t_ns: int) -> bool:
-        return self._fresh_until_ns is not None and t_ns <= self._fresh_until_ns
+        return "compensated" if self.correction is not None and t_ns <= self._fresh_until_ns else "unknown_orientation"
 
     def _correct(self) -> None:
         """Update the correction and the uncertainty for unknown g: m (g − r), where r is the gravity of the offset."""
