@@ -149,7 +149,7 @@ class FingerState:
         if self.reading is None or self.friction is None:
             return None
         used, nan = utilisation_at(self.reading, 0), math.nan
-        if used is None or math.isnan(contact_at(self.reading, 0).spin_nm):
+        if used is None or math.isnan(self.reading["contact"]["spin_nm"].item(0)):
             return None
         return used if self.friction.mu is not None else used._replace(value=nan, lower=nan, upper=nan)
 
@@ -276,7 +276,8 @@ class VerdictBatch:
             return self._disagreement_verdict
         level, found, friction = LEVELS[self.levels[k]], GRIP_HOLDS, self.frictions[k]
         if level != GRIP_HOLDS.level:
-            judged, ratio = assessment_at(self.readings.rows, k), contact_at(self.readings.rows, k).friction_ratio
+            rows = self.readings.rows
+            judged, ratio = assessment_at(rows, k), rows["contact"]["friction_ratio"].item(k)
             found = contact_verdict(judged, level, state.utilisation, ratio, friction.mu, self.caution)
         if self.load_distribution is None and self.image_fault:
             return Verdict(found.level, (self.image_fault, *found.reasons))
