@@ -114,7 +114,7 @@ class GraspView:
         Args:
             width_m: Width between the pads, m; None where it is not known.
         """
-        first, second = self._sides = tuple(_Side(finger, finger.state) for finger in self.fingers)
+        first, second = self._sides = [_Side(finger, finger.state) for finger in self.fingers]
         level = self.level()
         verdicts = first.state.verdict, second.state.verdict
         reasons = dict.fromkeys(why for verdict in verdicts if verdict.level == level for why in verdict.reasons)

@@ -57,7 +57,7 @@ class GraspPublisher:
 def grasp_body(view: GraspView, hold: HoldState, held: ObjectState, t_ns: int) -> Body:
     """Return ``grasp``: both fingers together at ``t_ns``, as of the last `GraspView.update`."""
     state, load = view.state, view.load(t_ns)
-    first, second = (finger.name for finger in view.fingers)
+    first, second = [finger.name for finger in view.fingers]
     share = load.first_share
     body = {
         "fingers": [first, second],
