@@ -64,7 +64,6 @@ class Finger:
         freshness: Of the force readings.
         presence: Whether something presses on the pad.
         trust: Whether the readings are trusted, and a grip may be raised on them.
-        pulled_ns: When the normal force was clearly negative last; None: never.
         level: Level after the newest force reading.
         zero_known: The zero of the force is known. Without it, a reading may be a bias of any size.
     """
@@ -85,7 +84,6 @@ class Finger:
         self.in_newtons = wrench is not None or self.image_in_newtons
         self.freshness = self.main.freshness
         self.presence, self.trust, self._guard = ContactPresence(self), Trust(self), TareGuard(self)
-        self.pulled_ns: int | None = None
         self._delayed: deque[Read] = deque()
         self._newest: FingerState | VerdictBatch = FingerState(0, STREAM_STALE)
         self.level = STREAM_STALE.level
@@ -215,7 +213,6 @@ class Finger:
         self._newest, self.level = batch, LEVELS[batch.levels[-1]]
         if batch.phases & 1 << PULLED:
             self.tare.reject("the normal force is clearly negative")
-            self.pulled_ns = newest_ns
         if self.motion is not None and batch.phases != 1 << TOUCHING:
             self.motion.reset()
         if check is not None and batch.ends_at < len(batch.levels):
@@ -232,12 +229,13 @@ class Finger:
     # What verdicts depend on, noted where it changes
 
     def _follow_tares(self, now: Offset, before: Offset) -> None:
-        """Follow a change of a tare; a new zero casts doubt on what was learned of friction with the one before."""
+        """Follow a change of a tare: what was pulled, or learned of friction, with the zero before is in doubt."""
         self._taring = any(channel.tare.busy for channel in self.channels.values())
         self.zero_known = self.main.zero.known
         self._set_uncertainty(self._in_force[0])
         if now is not before:
             self.friction.doubt()
+            self._estimator.contact.row["memory"]["pulled_s"] = -math.inf
         self._follow_image()
 
     def _set_uncertainty(self, uncertainty: WrenchUncertainty) -> None:

@@ -47,7 +47,8 @@ def _pulled(finger: Finger) -> Condition:
     """Return what people should check where the normal force is clearly negative: nothing pulls on a pad."""
     wrench = finger.state.wrench
     normal_n = math.nan if wrench is None else -wrench[2]
-    text = f"its normal force is {normal_n:.3g} N, and nothing pulls on a pad: check "
+    what = f"is {normal_n:.3g} N" if normal_n < 0.0 else "was negative a moment ago"
+    text = f"its normal force {what}, and nothing pulls on a pad: check "
     if finger.force is None:
         return Health.ERROR, text + "the signs of axis_scale, and tare it"
     text += "sign, pad_from_sensor (quat_xyzw is in the order x, y, z, w) and the sensor's own configuration"

@@ -52,12 +52,9 @@ class Trust:
     def for_raise(self, t_ns: int) -> bool:
         """Return whether a grip may be raised at ``t_ns``: readings and images are fresh, usable and trusted.
 
-        A repeated reading of a sensor whose readings may rest is not enough: one that hangs looks the same. Nor is one
-        right after a pull, which no object exerts, or a force sensor that measures nothing of what its pad shows.
+        A repeated reading of a sensor whose readings may rest is not enough: one that hangs looks the same. Nor is a
+        force sensor that measures nothing of what its pad shows.
         """
-        pulled_ns = self._finger.pulled_ns
-        if pulled_ns is not None and t_ns - pulled_ns <= self._oldest_ns:
-            return False
         return self._allows(t_ns, at_rest=False) and not self._finger.presence.is_denied_by_force()
 
     def for_opening(self, t_ns: int) -> bool:

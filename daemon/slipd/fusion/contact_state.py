@@ -128,6 +128,7 @@ class ContactState:
         drop["least_drop"], drop["window_s"], drop["hold_s"] = slip.drop, slip.window_s, slip.hold_s
         forces["low_n"], forces["high_n"] = math.inf, -math.inf
         drop["least_surprise"] = math.log(LOOKS * 3600.0 / BLOCK_S / levels.false_alarms_per_hour)
+        self.row["memory"]["pulled_s"] = -math.inf
         self._forget_steps()
         self.reset()
 

@@ -18,7 +18,7 @@ Row = np.void
 
 PENDING, TOUCHING, FREE, PULLED, LATE, UNTRUSTED = range(6)
 """Phase of a reading. Kernels find TOUCHING, FREE or PULLED for those that are PENDING.
-PULLED: the normal force is clearly negative, which no contact gives. LATE: too old; ends the contact.
+PULLED: the normal force is clearly negative, which no contact gives, or was lately. LATE: too old; ends the contact.
 UNTRUSTED: shows nothing, and is skipped."""
 STABLE, CAUTION, WARNING = range(3)
 """Steps of a margin that shrinks; the level of a contact that holds is its step + 1."""
@@ -126,7 +126,7 @@ MEMORY = np.dtype(
     [
         ("in_contact", _FLAG),
         ("twist", _FLOAT, (3,)),
-        *_floats("moving_until_s"),
+        *_floats("moving_until_s", "pulled_s"),
         ("moving_evidence", _INTEGER),
         ("step", _INTEGER),
         ("tipping_step", _INTEGER),
@@ -137,7 +137,8 @@ MEMORY = np.dtype(
     align=True,
 )
 """What is kept of one contact from read to read, without the course of its load: whether the newest reading that could
-be trusted touches, and the twist of its utilisation (NaN: none). ``held_s`` is when the load was last within the
+be trusted touches, and the twist of its utilisation (NaN: none). ``pulled_s`` is when the normal force was clearly
+negative last. ``held_s`` is when the load was last within the
 hysteresis of CAUTION and of WARNING, ``tipping_held_s`` when the tipping margin asked for them. ``settled`` is the
 utilisation that counts."""
 

@@ -43,6 +43,9 @@ from slipd.types.arrays import Array
 
 DECISION_GAP = 1e-6
 """Relative gap between the bounds of the utilisation; far below what a threshold or a message resolves."""
+PULLED_S = 0.05
+"""What follows a clearly negative normal force within this time is not believed either, s: the sensor has just been
+wrong, and one whose sign alternates would change the level with each reading."""
 _GIVEN = Struct("7dq")
 """The first fields of READING, which are given: wrench, time in s, and time in ns."""
 
@@ -146,7 +149,8 @@ def find_contacts(readings: Rows, states: Rows, oldest_ns: int, moved: bool) -> 
     """
     if not moved:
         move_to_pad(readings, states)
-    conditions, forces, in_contact = states[0]["conditions"], states[0]["forces"], states[0]["memory"]["in_contact"]
+    conditions, forces, memory = states[0]["conditions"], states[0]["forces"], states[0]["memory"]
+    in_contact = memory["in_contact"]
     force_std, torque_std = (
         conditions["force_std_n"] + conditions["unknown_n"],
         conditions["torque_std_nm"] + conditions["unknown_nm"],
@@ -162,7 +166,9 @@ def find_contacts(readings: Rows, states: Rows, oldest_ns: int, moved: bool) -> 
         elif phase == PENDING:
             pressed = normal >= (conditions["lasts_n"] if in_contact else conditions["begins_n"])
             phase = TOUCHING if pressed and math.isfinite(fx + fy + fz) else FREE
-            if phase == FREE and normal < -conditions["pulled_n"]:
+            if normal < -conditions["pulled_n"]:
+                memory["pulled_s"] = row["t_s"]
+            if abs(row["t_s"] - memory["pulled_s"]) <= PULLED_S:
                 phase = PULLED
             elif not conditions["zero_known"]:
                 phase = UNTRUSTED

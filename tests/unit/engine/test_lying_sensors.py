@@ -170,6 +170,7 @@ SAME, SPOILT = image(np.full(16, 30.0)), image(np.where(np.arange(16) == 5, math
 HELD, PADLESS = skin(5.0, ms=0.0), LEFT.partition("[finger.left.pad]")[0]
 PATCH = [image(np.where(np.isin(np.arange(16), (5, 6, 9, 10)), counts, 0.0)) for counts in (300.0, 301.0)]
 WELL, RARELY = health("left.pad", severity=Health.OK), "[rates]\ntactile_hz = 0.001\n"
+PULLED = level("unknown", "pulled")
 NOTHING = force(0.0, 0.0, 0.0, std_n=0.02)
 REST: list[Step] = [force(0.0, 0.0, 0.0), image([0.0] * 16), skin(0.0, ms=0.0)]
 COURSES: dict[str, tuple[str, dict[str, str], list[Step]]] = {
@@ -291,10 +292,10 @@ COURSES: dict[str, tuple[str, dict[str, str], list[Step]]] = {
         for force_n in (3e38, -3e38, 81.0, 1e30)
         for axis in (0, 2)
     },
-    "no raise right after a pull, which nothing exerts": (
+    "a finger is unknown until 50 ms after a pull, which nothing exerts": (
         "",
         {},
-        [*[force(0.0, 0.0, 5.0), level("unknown", "pulled"), live(), level("stable"), REFUSED] * 5, live(12), RAISED],
+        [*[force(0.0, 0.0, 5.0), PULLED, live(10), PULLED, REFUSED] * 5, live(), level("stable"), RAISED],
     ),
     "no raise on a force sensor that measures nothing of what its pad shows": (
         "",

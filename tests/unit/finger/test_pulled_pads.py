@@ -66,6 +66,7 @@ COURSES: dict[str, tuple[str, bool, list[Step]]] = {
                 ask("gripper.open", DROP),
                 ask("gripper.activate", DROP),
                 ask("gripper.open", drop=True),
+                serve(60),
                 wrench(0.0),
                 level("no_contact"),
                 health("left.wrench", without="pulls"),
