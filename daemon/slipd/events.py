@@ -137,7 +137,7 @@ class HostNotice:
 
 @dataclass(slots=True, frozen=True)
 class StateRestored:
-    """What the run before this one kept, as the first event of a run; see `slipd.grasp.stored_state`.
+    """What the run before this one kept, as the first event of a run; see `slipd.gripper.stored_state`.
 
     A tare is used again once its device answers, if device, config and age allow it and the readings agree. The rest
     describes the grip of that time: it counts only where the gripper confirms that it still holds what it held.

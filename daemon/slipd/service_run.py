@@ -18,7 +18,7 @@ from typing import Any
 from slipd.config import Config
 from slipd.engine.engine import Engine
 from slipd.events import Event, HostNotice, Output, Publish, Reply, Request, Tick, Write
-from slipd.grasp.stored_state import rig_of
+from slipd.gripper.stored_state import rig_of
 from slipd.io.access import RuntimeDirectory, guard
 from slipd.io.log_lines import log_kept
 from slipd.io.publisher import Publisher

@@ -8,7 +8,7 @@ from dataclasses import replace
 from slipd.config import Config, Levels, axes_of
 from slipd.config import Finger as FingerConfig
 from slipd.finger.finger import Finger
-from slipd.grasp.stored_state import StoredState, StoredTare, basis_of, rig_of, seal
+from slipd.gripper.stored_state import StoredState, StoredTare, basis_of, rig_of, seal
 from slipd.recording.run_files import state_dir
 from slipd.recording.state_file import StateFile
 

@@ -8,7 +8,7 @@ import pytest
 from loop_waits import PATIENCE_S, eventually
 from service_rig import Rig, started
 
-from slipd.grasp.stored_state import rig_of
+from slipd.gripper.stored_state import rig_of
 from slipd.recording.reader import open_recording
 
 pytestmark = pytest.mark.process

@@ -10,8 +10,8 @@ from slipd.errors import SlipdError
 from slipd.events import FirstEvents, HostNotice, LinkUp, StateRestored
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
-from slipd.grasp.stored_state import StoredGrip, StoredState, StoredTare, basis_of, read_state, rig_of, seal
 from slipd.gripper.gripper_control import GripperControl
+from slipd.gripper.stored_state import StoredGrip, StoredState, StoredTare, basis_of, read_state, rig_of, seal
 from slipd.links.device_link import IdentityGuard
 from slipd.rig import Rig
 from slipd.signals.tare import Offset

@@ -8,9 +8,9 @@ from typing import NamedTuple, cast
 
 from slipd.devices import GripperSession
 from slipd.finger.finger import Finger
-from slipd.grasp.stored_state import StoredGrip
 from slipd.gripper.grip_policy import GripPolicy
 from slipd.gripper.intent import IntentKind
+from slipd.gripper.stored_state import StoredGrip
 from slipd.types.arrays import finite_or_none
 from slipd.types.permit import Permit
 from slipd.types.samples import GripperSample

@@ -42,7 +42,7 @@ class RequestHandlers:
         # a reflex acts on what some requests state
         self._steering = {name: op.steers for name, op in OPS.items() if rig.reflex is not None and name not in free}
         advice = None if rig.grasp is None else rig.grasp.advice
-        self._kept = IdempotencyCache()
+        self._replies = IdempotencyCache()
         self._ops: dict[str, Handler] = {
             # methods: a lambda of a copied engine would answer with the parts of the first one
             "hello": self._hello,
@@ -63,12 +63,12 @@ class RequestHandlers:
         try:
             check_request(body, self._boot, t_ns)
             urgent = body["op"] in URGENT_OPS and self._policy.lease.holder(t_ns) == client
-            reply = self._kept.seen(client, body, t_ns, urgent=urgent)
+            reply = self._replies.seen(client, body, t_ns, urgent=urgent)
         except RefusalError as error:
             return Reply(client, replies.refused(body.get("id"), error.refusal, t_ns))
         if reply is None:
             reply = self._carry_out(request, t_ns)
-            self._kept.keep(client, body, reply, t_ns)
+            self._replies.keep(client, body, reply)
         return Reply(client, reply) if reply else None
 
     def _carry_out(self, request: Request, t_ns: int) -> Body:
@@ -136,7 +136,7 @@ class IdempotencyCache:
     def __init__(self) -> None:
         self._now_ns = 0
         self._clients: dict[bytes, dict[str | int, tuple[bytes, Body]]] = {}  # request, reply
-        self._senders: dict[bytes, bytes] = {}
+        self._contents: set[bytes] = set()
         self._deadlines: list[tuple[int, int, bytes, str | int]] = []
         self._numbers = itertools.count()
 
@@ -165,21 +165,20 @@ class IdempotencyCache:
                 return reply
             rule = "id must be new for every request: this one was used for another request"
             raise RefusalError("repeated_id", rule, "id")
-        if content in self._senders:
+        if content in self._contents:
             raise RefusalError("replayed", "another client has already sent this request")
         if not urgent and (len(mine) >= PER_CLIENT or (not mine and len(self._clients) >= MOST_CLIENTS)):
             rule = "too many requests whose deadlines have not passed: wait, or use shorter deadlines"
             raise RefusalError("busy", rule)
         return None
 
-    def keep(self, client: bytes, body: Body, reply: Body, t_ns: int) -> None:
+    def keep(self, client: bytes, body: Body, reply: Body) -> None:
         """Keep the reply to a new request."""
         if body["op"] in OPEN_OPS:
             return
-        self._forget(t_ns)
         content = _content(body)
         self._clients.setdefault(client, {})[body["id"]] = content, reply
-        self._senders[content] = client
+        self._contents.add(content)
         heapq.heappush(self._deadlines, (body["deadline_ns"], next(self._numbers), client, body["id"]))
 
     def _forget(self, t_ns: int) -> None:
@@ -188,7 +187,7 @@ class IdempotencyCache:
         while self._deadlines and self._deadlines[0][0] <= self._now_ns:
             _, _, client, name = heapq.heappop(self._deadlines)
             mine = self._clients[client]
-            del self._senders[mine.pop(name)[0]]
+            self._contents.remove(mine.pop(name)[0])
             if not mine:
                 del self._clients[client]
 

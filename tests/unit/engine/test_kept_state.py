@@ -36,7 +36,7 @@ from run_courses import (
 from slipd import config
 from slipd.engine.engine import Engine
 from slipd.events import LinkUp, StateRestored
-from slipd.grasp.stored_state import seal
+from slipd.gripper.stored_state import seal
 
 SECOND = 1_000_000_000
 EARLIER = BOOT.replace("b", "a")

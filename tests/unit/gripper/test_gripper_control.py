@@ -29,8 +29,8 @@ from gripper_bench import (
     want,
 )
 
-from slipd.grasp.stored_state import StoredGrip
 from slipd.gripper.intent import IntentKind
+from slipd.gripper.stored_state import StoredGrip
 from slipd_client.messages import Health
 
 NOT_READY, FORCE_OUT, WIDTH_OUT = ("not_ready", ""), ("out_of_range", "force_n"), ("out_of_range", "width_m")

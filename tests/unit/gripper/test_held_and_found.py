@@ -13,7 +13,7 @@ from motions.cell_steps import comes_to_rest, does, exerts, feels, has, jaws, se
 from run_courses import Step, ask, follow, lease, let_lease_be, serve
 
 from slipd.events import StateRestored
-from slipd.grasp.stored_state import seal
+from slipd.gripper.stored_state import seal
 from slipd_client.messages.names import GRIP_UNKNOWN
 
 pytestmark = pytest.mark.uncovered

@@ -74,14 +74,14 @@ def test_A1_A2_a_request_is_carried_out_at_most_once_in_any_course(
         assert seen(once, client, dict(reversed(asked.items())), t_ns) == expected
         if expected is None:
             reply = {"number": number}
-            once.keep(client, asked, reply, t_ns)
+            once.keep(client, asked, reply)
             kept[client, name] = asked, reply, packed
 
 
 @pytest.mark.parametrize("op", ["hello", "status"])
 def test_requests_that_change_nothing_are_answered_anew(op: str) -> None:
     once, asked = IdempotencyCache(), {"v": 1, "id": 1, "op": op}
-    once.keep(ANN, asked, REPLY, T0)
+    once.keep(ANN, asked, REPLY)
     assert seen(once, ANN, asked, T0) is seen(once, ANN, body(), T0) is None
 
 
@@ -89,7 +89,7 @@ def test_only_who_floods_is_refused_and_a_full_cache_drops_nothing() -> None:
     once = IdempotencyCache()
     for k in range(PER_CLIENT):
         assert seen(once, ANN, body(k, 100 + k % 2), T0) is None
-        once.keep(ANN, body(k, 100 + k % 2), REPLY, T0)
+        once.keep(ANN, body(k, 100 + k % 2), REPLY)
     assert seen(once, ANN, body("more"), T0) == ("busy", "")
     assert seen(once, ANN, body(0), T0) == REPLY
     assert seen(once, BEN, body("more"), T0) is None
@@ -101,7 +101,7 @@ def full() -> IdempotencyCache:
     """A cache that has heard of as many clients as it may."""
     once = IdempotencyCache()
     for k in range(MOST_CLIENTS):
-        once.keep(b"%d" % k, body(k), REPLY, T0)
+        once.keep(b"%d" % k, body(k), REPLY)
     return once
 
 
@@ -112,9 +112,9 @@ def test_beyond_the_largest_number_of_clients_only_new_ones_are_refused_but_not_
     assert seen(once, ANN, body(-1, 200), T0 + 100 * MS) is None
     once = full()
     assert seen(once, ANN, renewal, T0, urgent=True) is None
-    once.keep(ANN, renewal, REPLY, T0)
+    once.keep(ANN, renewal, REPLY)
     assert seen(once, ANN, renewal, T0, urgent=True) == REPLY
     assert seen(once, BEN, renewal, T0, urgent=True) == ("replayed", "")
     for k in range(PER_CLIENT):
-        once.keep(ANN, body(f"{k}"), REPLY, T0)
+        once.keep(ANN, body(f"{k}"), REPLY)
     assert seen(once, ANN, body("stop", op="gripper.stop"), T0, urgent=True) is None
