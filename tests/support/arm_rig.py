@@ -7,6 +7,7 @@ from typing import Any
 
 from engine_rig import LEFT, RIGHT, Run
 from grasp_table import grasp_table
+from nanoseconds import MS
 
 from slipd.devices.external import encode_reading
 from slipd.events import Bytes
@@ -38,8 +39,10 @@ class ArmRun(Run):
         self.up()
 
     def carry(self, gravity: Sequence[float] = DOWN, velocity: Sequence[float] = STILL, **more: Any) -> None:
-        """Push one reading of the arm, of now unless ``t_ns`` says otherwise."""
+        """Push one reading of the arm, of now unless ``t_ns`` says otherwise; ``flips``: with an alternating sign."""
         t_ns = more.pop("t_ns", self.t_ns)
+        sign = -1.0 if more.pop("flips", False) and t_ns // (4 * MS) % 2 else 1.0
+        gravity = [sign * each for each in gravity]
         data = encode_reading("arm", t_ns, gravity_mps2=gravity, angular_velocity_radps=velocity, **more)
         self.feed(Bytes("arm", data))
 

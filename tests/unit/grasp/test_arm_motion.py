@@ -74,6 +74,7 @@ def test_weight_of_a_finger_is_subtracted_while_the_arm_turns_and_accelerates(ru
         ((0.0, 0.0, 1.0), {}, "the mean length of gravity_mps2 is 1 m/s²; it must be near 9.81"),
         (STILL, {}, "the mean length of gravity_mps2 is 0 m/s²"),
         ((0.0, 0.0, 10.79), {}, "the length of gravity_mps2 at rest is 10.8 m/s²; it must be 9.81: its scale is wrong"),
+        (DOWN, {"flips": True}, "gravity_mps2 jumps to and fro by more than 1.5 g: its readings are not used"),
         (DOWN, {"status": ["invalid"]}, "the sender reports: invalid"),
         (DOWN, {"velocity": (0.0, 57.3, 0.0)}, "its angular velocity is 57.3 rad/s, more than any arm's"),
         (DOWN, {"angular_acceleration_radps2": (0.0, 1e30, 0.0)}, "its angular acceleration is 1e+30 rad/s²"),
