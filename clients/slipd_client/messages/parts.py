@@ -64,7 +64,9 @@ class GripperState:
 
     width_m: float | None = wire("width between the pads", nil=True)
     force_command_n: float | None = wire(
-        "grip force that was sent to the gripper last; nil where it is not active or was sent none", nil=True
+        "grip force that was sent to the gripper last, by the run before where its grip lasts; nil where it is not active "
+        "or was sent none",
+        nil=True,
     )
     force_limit_n: float | None = wire("largest force that may be requested; nil: none may", nil=True)
     active: bool | None = wire("the gripper accepts commands", nil=True)

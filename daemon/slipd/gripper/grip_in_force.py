@@ -60,7 +60,8 @@ class GripInForce:
         fingers: The fingers by name.
 
     Attributes:
-        command_n: Force last sent to the gripper, N; None if none was sent or the gripper is inactive.
+        command_n: Force last sent to the gripper, N, by the run before where its grip lasts; None if none was sent or the
+            gripper is inactive.
         closed_to_m: Commanded width of the grip in force, m; None: no grip, or not known.
     """
 
@@ -194,7 +195,7 @@ class GripInForce:
         """
         stored, self._stored = self._stored, None
         if stored is not None and _confirms(sample, stored):
-            self._claimed, self.closed_to_m = True, stored.closed_to_m
+            self._claimed, self.closed_to_m, self.command_n = True, stored.closed_to_m, stored.force_n
             self._policy.resume(stored.force_n, stored.requested_n, stored.raised_n, stored.reflexed_n)
             self._confirmed()
             return

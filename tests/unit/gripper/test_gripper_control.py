@@ -340,6 +340,7 @@ def test_a_grip_that_was_kept_goes_on_where_the_gripper_confirms_it(now: dict[st
     assert bench.control.grip.kept() == kept
     seen(0, **{"what": "contact_closing"} | {key: now[key] for key in now.keys() - reported.keys()})(bench)
     policy = bench.control.policy
-    be(force_n=force_n, conditions=[Health.ERROR] * (force_n is None))(bench)
+    command_n = 6.0 if force_n == 6.0 else None
+    be(force_n=force_n, command_n=command_n, conditions=[Health.ERROR] * (force_n is None))(bench)
     assert (policy.raised_n, policy.reflexed_n) == ((1.0, 2.0) if force_n == 6.0 else (0.0, 0.0))
     assert confirmed == [True] * (force_n == 6.0)
