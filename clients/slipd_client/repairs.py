@@ -34,6 +34,14 @@ NOTICE_REPAIRS: dict[str, tuple[str, Severity, str]] = {
 }
 """The same of each notice about the host."""
 
+DEGRADED = {
+    "no fresh gravity": "slipctl gravity {finger} --help",
+    "its zero drifted": "slipctl tare {finger} all",
+    "taxels are masked": "slipctl view",
+    "the pad image shows one": "slipctl view",
+}
+"""Words of the message of a degraded stream → command that mends it, or shows more of it than `slipctl watch`."""
+
 READ_ONLY = "Read-only file system"
 """Text of the error EROFS: the disk is mounted read-only, on purpose or by the kernel after a fault."""
 
@@ -124,7 +132,8 @@ def _streams(status: Mapping[str, Any]) -> Iterator[Repair]:
         health, problem = stream.get("health", Health.OK), stream.get("message") or "no reason is given"
         where = _look_at(stream.get("address") or "")
         if health == Health.WARN:
-            yield Repair("stream-degraded", "warning", name, problem, "slipctl watch")
+            command = next((DEGRADED[words] for words in DEGRADED if words in problem), "slipctl watch")
+            yield Repair("stream-degraded", "warning", name, problem, command.format(finger=name.partition(".")[0]))
         elif health == Health.STALE:
             yield Repair("stream-silent", "error", name, problem, where)
         else:

@@ -32,6 +32,7 @@ STALE: tuple[str, ...] = ("stale",)
 FROZEN_STDS = 6.0
 """An image must show a movement of the normal force beyond this many standard deviations of its noise."""
 _UNKNOWN = (math.nan,) * 6
+_NEVER_NS = -(1 << 62)
 
 
 class ImageChannel:
@@ -56,6 +57,7 @@ class ImageChannel:
         loads: The same without the threshold; NaN where it is not known.
         t_ns: When the newest image was acquired, CLOCK_MONOTONIC; None before the first, and after the stream ended.
         status: Conditions that the device reported with it.
+        pressed_ns: When the last image was acquired that did not show a free pad by itself.
         is_frozen: The images repeat while the force moves.
         reasons: Why the newest image cannot be used; empty where it can.
         fresh_until_ns: Until when the newest image is fresh, if its line is read empty; -1 where there is none. See
@@ -91,7 +93,7 @@ class ImageChannel:
         self.freshness = Freshness(stale_after_ns(pad))
         self.pressure = self.loads = np.zeros(taxels)
         self.t_ns: int | None = None
-        self.fresh_until_ns = -1
+        self.fresh_until_ns, self.pressed_ns = -1, _NEVER_NS
         self.status: tuple[str, ...] = ()
         self._forces: Array | None = None
         self.reasons = STALE
@@ -128,6 +130,8 @@ class ImageChannel:
         freshness = self.freshness
         freshness.update(sample.t_ns, t_ns, arrival)
         self.fresh_until_ns = -1 if freshness.late else (freshness.came_ns or 0) + freshness.stale_ns
+        if self.shows_contact() is not False:
+            self.pressed_ns = t_ns
 
     def _condition(self, sample: TactileSample, t_ns: int, summary: ForceSummary) -> tuple[Array, bool]:
         """Check an image acquired at ``t_ns``, and turn its readings into forces.

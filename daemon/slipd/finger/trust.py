@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 DOUBTS = frozenset({"stale", "not_finite", "disagreement", "not_tared", "pulled"}) | UNTRUSTED_WORDS | UNTRUSTED_FAULTS
 """Reasons of a verdict that leave the force on the finger unknown."""
+FREE_NS = 200_000_000
+"""A pad whose images show nothing for so long is free."""
 OLDEST_S = 0.05
 """Largest age of a reading on which a grip is raised, s, in addition to the delay of the stream."""
 OLDEST_PERIODS = 2.5
@@ -148,11 +150,14 @@ class ContactPresence:
         return not shown and state.contact.normal_n < self._clear_n
 
     def is_free_by_image(self) -> bool:
-        """Return whether a fresh, reliable image of a pad with a known zero shows by itself that nothing presses."""
+        """Return whether fresh, reliable images of a pad with a known zero show by themselves that nothing presses.
+
+        All of the last `FREE_NS` must: what rubber keeps after a release comes and goes at the threshold.
+        """
         image = self._finger.image
         if image is None or not image.zero.tared or not image.is_reliable(at_rest=True):
             return False
-        return self.shown_by_image() is False
+        return self.shown_by_image() is False and (image.t_ns or 0) - image.pressed_ns > FREE_NS
 
     def shown_by_image(self) -> bool | None:
         """Return whether a fresh image beside a force sensor shows a contact; None: unknown."""

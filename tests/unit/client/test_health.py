@@ -59,6 +59,8 @@ PORT, DISK = "ls -l /dev/left /dev/serial/by-id", "recording-failed"
     ("status", "number", "command"),
     [
         (stream(health=1), "stream-degraded", "slipctl watch"),
+        (stream(health=1, message="taxels are masked: hot 3"), "stream-degraded", "slipctl view"),
+        (stream(health=1, message="no fresh gravity: …"), "stream-degraded", "slipctl gravity left --help"),
         (stream(health=3), "stream-silent", PORT),
         (stream(health=2), "stream-fault", "slipctl watch"),
         (stream(health=2, age_s=5.0), "stream-fault", PORT),

@@ -257,7 +257,8 @@ COURSES: dict[str, tuple[str, str, list[Step]]] = {
         f"a free finger of unknown weight is free where its pad shows that: {bool(pad)}": (
             HEAVY, pad,
             [pad_of_the_config, tare, look(0.0), read(0.2), *free,
-             look(2.0), read(0.0), HIDDEN,  # what the pad shows
+             look(2.0), read(0.0), HIDDEN, look(0.0), read(0.2), HIDDEN,  # what the pad shows, or showed lately
+             *[later(19), look(0.0)] * 12, read(0.2), *free,
              look(0.0), read(0.0, times=200), HIDDEN],  # the image is too old
         )
         for pad, free in ((f"tare = {[0.0] * 16}\n", [FREE, pressed(False)]), ("", [HIDDEN, pressed(None)]))
