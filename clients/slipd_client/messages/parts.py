@@ -64,8 +64,8 @@ class GripperState:
 
     width_m: float | None = wire("width between the pads", nil=True)
     force_command_n: float | None = wire(
-        "grip force that was sent to the gripper last, by the run before where its grip lasts; nil where it is not active "
-        "or was sent none",
+        "grip force that was sent to the gripper last, by the run before where its grip lasts; nil where it is not "
+        "active or was sent none",
         nil=True,
     )
     force_limit_n: float | None = wire("largest force that may be requested; nil: none may", nil=True)

@@ -76,7 +76,7 @@ class ForceImageCheck:
         if normal_n is None:
             return NO_SUMMARY
         moving = begin_range(self._state, normal_n) > self._moving_n
-        lost = self._agreement.pressed and not self._image.reasons
+        lost = self._agreement.shown > 0.0 and not self._image.reasons
         return ForceSummary(free and not lost, normal_n, moving, not self.disagreement)
 
     def update_image(self, t_ns: int, *, known: bool) -> None:

@@ -137,8 +137,8 @@ class ArmMotion:
         self._since_ns: int | None = None
         self._first: Sequence[float] = ()
         self._sum_mps2, self._count, self._change_mps2 = 0.0, 0, 0.0
-        self._newest: Sequence[float] | None = None
-        self._jumps, self._jumpy = 0, False
+        self._newest: Sequence[float] = ()
+        self._jumps = 0
 
     def update(self, samples: Sequence[ArmSample], times_ns: Sequence[int], width_m: float | None) -> None:
         """Set the gravity of the fingers by the newest usable reading of one read.
@@ -196,7 +196,7 @@ class ArmMotion:
             return [(Health.ERROR, f"{self.misfit}, by the load on the fingers: its readings are not used")]
         if self._is_plausible():
             return []
-        if self._jumpy:
+        if math.isnan(self._mean_mps2):
             return [(Health.ERROR, "gravity_mps2 jumps to and fro by more than 1.5 g: its readings are not used")]
         if LEAST_MEAN_MPS2 <= self._mean_mps2 <= MOST_MEAN_MPS2:
             what = f"the length of gravity_mps2 at rest is {self._at_rest_mps2:.3g} m/s²; it must be 9.81"
@@ -206,9 +206,7 @@ class ArmMotion:
 
     def _is_plausible(self) -> bool:
         mean, scale_error = self._mean_mps2, abs(self._at_rest_mps2 / STANDARD_GRAVITY_MPS2 - 1.0)
-        if mean is None or self._jumpy:
-            return False
-        return LEAST_MEAN_MPS2 <= mean <= MOST_MEAN_MPS2 and scale_error <= REST_PART
+        return mean is not None and LEAST_MEAN_MPS2 <= mean <= MOST_MEAN_MPS2 and scale_error <= REST_PART
 
     def _check_length(self, gravity_mps2: Sequence[float], t_ns: int) -> bool:
         """Return whether the length of the last whole span is plausible; False before the first one."""
@@ -219,9 +217,10 @@ class ArmMotion:
         self._count += 1
         self._change_mps2 = max(self._change_mps2, math.dist(gravity_mps2, self._first))
         self._jumps += math.dist(gravity_mps2, self._newest or gravity_mps2) > MOST_JUMP_MPS2
-        self._newest, self._jumpy = gravity_mps2, self._jumpy or self._jumps > MOST_JUMPS
-        if t_ns - self._since_ns >= CHECK_NS:
-            self._jumpy = self._jumps > MOST_JUMPS
+        self._newest = gravity_mps2
+        if self._jumps > MOST_JUMPS:
+            self._mean_mps2, self._since_ns = math.nan, None
+        elif t_ns - self._since_ns >= CHECK_NS:
             self._mean_mps2, self._since_ns = self._sum_mps2 / self._count, None
             if self._change_mps2 <= STILL_MPS2:
                 self._at_rest_mps2 = self._mean_mps2

@@ -60,8 +60,8 @@ class GripInForce:
         fingers: The fingers by name.
 
     Attributes:
-        command_n: Force last sent to the gripper, N, by the run before where its grip lasts; None if none was sent or the
-            gripper is inactive.
+        command_n: Force last sent to the gripper, N, by the run before where its grip lasts; None if none was sent or
+            the gripper is inactive.
         closed_to_m: Commanded width of the grip in force, m; None: no grip, or not known.
     """
 

@@ -64,6 +64,7 @@ class Agreement:
     Attributes:
         reported: Subjects of a lasting disagreement: "contact" (one of both shows a clear contact, the other none),
             "centroid", "force".
+        shown: Sum of the image of the last clear contact that the force sensor measures, or has lost; 0 where it ended.
     """
 
     def __init__(self, rows: int, cols: int, pitch_m: float, least_n: float, gain_error: float | None = None) -> None:
@@ -73,14 +74,9 @@ class Agreement:
         self._since_ns: int | None = None
         self._images = 0
         self._agreed_ns = 0
-        self._shown = 0.0
+        self.shown = 0.0
         self._lost = False
         self.reported: tuple[str, ...] = ()
-
-    @property
-    def pressed(self) -> bool:
-        """The last image showed a clear contact; the force sensor measures it, or has lost it."""
-        return self._shown > 0.0
 
     def update(
         self, t_ns: int, contact: Contact, force_std_n: float, x: Array, y: Array, pressure: Array
@@ -103,14 +99,14 @@ class Agreement:
         if contact.valid:
             now = self._differences(contact, force_std_n, total, x_sum, y_sum, inner)
             if contact.normal_n > CLEAR * self._least_n:
-                self._shown = total if math.isfinite(total) else 0.0
+                self.shown = total if math.isfinite(total) else 0.0
             elif not self.reported:
-                self._shown = 0.0
+                self.shown = 0.0
             self._before = contact
-        elif self.pressed and total >= (GONE if self.reported else KEPT) * self._shown:
+        elif self.shown > 0.0 and total >= (GONE if self.reported else KEPT) * self.shown:
             now = ("contact",)
         else:
-            self._shown, self._lost = 0.0, False
+            self.shown, self._lost = 0.0, False
             self.reset()
             return ()
         if not now:
