@@ -16,7 +16,7 @@ from slipd.grasp.motion_advice import MotionAdvice
 from slipd.grasp.object_estimate import NamedObject
 from slipd.gripper.grip_policy import NoGripper
 from slipd.gripper.gripper_control import GripperControl
-from slipd.gripper.reflex import make_reflex_controller
+from slipd.gripper.reflex import ReflexController
 from slipd.links.device_link import make_links
 
 GRIPPER_LINK = "gripper"
@@ -80,4 +80,6 @@ class Rig:
             held = HeldObject(grasp, self.fingers, self.arm, self.named)
             advice = MotionAdvice(grasp, self.fingers, held, self.arm)
             self.grasp = GraspParts(GraspView(grasp, self.fingers), held, advice)
-        self.reflex = make_reflex_controller(config, None if self.grasp is None else self.grasp.view, self.gripper)
+        self.reflex: ReflexController | None = None
+        if config.reflex.enabled and self.grasp is not None and isinstance(self.gripper, GripperControl):
+            self.reflex = ReflexController(config.reflex, self.grasp.view, self.gripper)

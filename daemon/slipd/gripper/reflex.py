@@ -9,10 +9,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from slipd.config import Config
 from slipd.config import Reflex as ReflexConfig
 from slipd.grasp.grasp_view import GraspView
-from slipd.gripper.grip_policy import ROUNDING_N, GripPolicy, NoGripper
+from slipd.gripper.grip_policy import ROUNDING_N, GripPolicy
 from slipd.gripper.gripper_control import GripperControl
 from slipd.types.arrays import finite_or_none
 
@@ -202,12 +201,3 @@ class ReflexController:
             return None
         self._reflex.acted(act)
         return act
-
-
-def make_reflex_controller(
-    config: Config, view: GraspView | None, gripper: GripperControl | NoGripper
-) -> ReflexController | None:
-    """Return the reflex of a config; None where it has none, or no force limit."""
-    if isinstance(gripper, NoGripper) or view is None or gripper.policy.limits.max_n is None:
-        return None
-    return ReflexController(config.reflex, view, gripper) if config.reflex.enabled else None
