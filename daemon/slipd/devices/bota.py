@@ -136,6 +136,8 @@ _FRAMES = "frames"  # `Step.reply` of a step that frames answer as well as an ac
 class Session(SensorSession[Decoder]):
     """Bring the sensor from any state to sending frames at the configured rate.
 
+    The sensor's own temperature compensation stays off, as its maker advises.
+
     Readings that arrive are returned in every state. `state` is "closed", "waiting" (for the sensor to boot),
     "configuring", "running", or the problem, such as "no answer to C" or "refused f with code 2"; the session retries
     forever. A sensor that does not answer within `BOOT_NS` of opening the port may still be booting, so the state
@@ -147,15 +149,14 @@ class Session(SensorSession[Decoder]):
     Args:
         sinc_length: Length of the sensor's filter, 64 to 2047; one frame is sent every sinc_length / 51200 s:
             64 is 800 Hz, 512 is 100 Hz.
-        temperature_compensation: Enable the sensor's temperature compensation; the manufacturer advises against it.
 
     Raises:
         ValueError: The sinc length is out of range or not an integer.
     """
 
-    def __init__(self, sinc_length: int = 64, temperature_compensation: bool = False) -> None:
+    def __init__(self, sinc_length: int = 64) -> None:
         check_integer("sinc_length", sinc_length, *SINC_LENGTHS)
-        communication = f"c,{int(temperature_compensation)},1,0,{_BAUD_460800}\n".encode()  # calibrated, binary
+        communication = f"c,0,1,0,{_BAUD_460800}\n".encode()  # uncompensated, calibrated, binary
         filtering = f"f,{sinc_length},0,0,1\n".encode()  # without chop, fast mode or FIR
         boot = Step("boot text", b"", "optional", QUIET_NS, attempts=1, reply=_FRAMES)
         commands = [Step(text[:1].decode(), text) for text in (CONFIGURE, communication, filtering)]

@@ -75,7 +75,8 @@ class Decoder(FrameDecoder):
         counts_per_torque: Counts per ``torque_unit``.
         force_unit: "lbf", "N", "klbf", "kN", "kgf" or "gf".
         torque_unit: "lbf-in", "lbf-ft", "N-m", "N-mm", "kgf-cm" or "kN-m".
-        internal_hz: Rate of the sensor's sample counter, Hz; 0 if it gives no time.
+        internal_hz: Rate of the sensor's sample counter, Hz; 0 if it gives no time. A rate on the web page takes
+            precedence.
 
     Raises:
         ValueError: A number is out of range or a unit is unknown.
@@ -161,41 +162,23 @@ class Session(SensorSession[Decoder]):
     Args:
         calibration: "tcp" (requested over TCP, port 49151), "xml" (read from the sensor's web page) or "config" (the
             numbers and units given here, which are ignored otherwise).
-        counts_per_force: See `Decoder`.
-        counts_per_torque: See `Decoder`.
-        force_unit: See `Decoder`.
-        torque_unit: See `Decoder`.
-        internal_hz: See `Decoder`; a rate on the web page takes precedence.
         buffered: Let the sensor send several records per datagram, as its RDT buffer size says: fewer wake-ups, later
             readings.
         output_hz: Output rate that slipd sets on the sensor, Hz, where its web page reports another one; the sensor
             stores it, and rounds it up to its clock divided by a whole number. It needs "xml". 0 leaves the sensor as
             it is set.
+        counts: The options of `Decoder`.
 
     Raises:
         ValueError: An option is out of range or unknown.
     """
 
-    def __init__(
-        self,
-        calibration: str = "tcp",
-        counts_per_force: float = 1_000_000.0,
-        counts_per_torque: float = 1_000_000.0,
-        force_unit: str = "N",
-        torque_unit: str = "N-m",
-        internal_hz: float = INTERNAL_HZ,
-        buffered: bool = True,
-        output_hz: int = 0,
-    ) -> None:
+    def __init__(self, calibration: str = "tcp", buffered: bool = True, output_hz: int = 0, **counts: Any) -> None:
         self._has_inquiry = inquiry(calibration) is not None
         self._output_hz = checked_output_hz(output_hz, calibration)
         self._read = netft_calibration.read_tcp if calibration == "tcp" else netft_calibration.read_xml
         start = Step("start", rdt.encode_request(rdt.START_BUFFERED if buffered else rdt.START), "none")
-        super().__init__(
-            Decoder(counts_per_force, counts_per_torque, force_unit, torque_unit, internal_hz),
-            [start],
-            rdt.encode_request(rdt.STOP),
-        )
+        super().__init__(Decoder(**counts), [start], rdt.encode_request(rdt.STOP))
         self._answer: bytes | None = None  # the part received so far; None if no answer is awaited
         if self._has_inquiry:
             self.decoder.calibrate(None)

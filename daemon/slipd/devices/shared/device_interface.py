@@ -225,7 +225,7 @@ class Device:
         """Return the parameters of the session, and those that it hands on to the decoder; without one, of this."""
         found = dict(inspect.signature(self.session or self.decoder).parameters)
         if any(each.kind is Parameter.VAR_KEYWORD for each in found.values()):
-            found = dict(inspect.signature(self.decoder).parameters) | found
+            found = found | dict(inspect.signature(self.decoder).parameters) | found  # those of the session first
         return {name: each for name, each in found.items() if each.kind is not Parameter.VAR_KEYWORD}
 
 

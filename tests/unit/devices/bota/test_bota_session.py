@@ -59,11 +59,11 @@ def test_a_sensor_that_does_not_answer_may_still_boot_for_ten_seconds() -> None:
 
 
 def test_options_reach_the_commands_and_a_refused_one_is_named_and_repeated_until_it_is_obeyed() -> None:
-    made = booted(sinc_length=512, temperature_compensation=True)
+    made = booted(sinc_length=512)
     made.told = lambda answer: answer.replace(b"r,0,f,0", b"r,0,f,2")
     opened(made, 3.5)
     assert made.session.state == "refused f with code 2"
-    assert made.written == [b"C\n", b"c,1,1,0,4\n", *[b"f,512,0,0,1\n"] * 4]
+    assert made.written == [b"C\n", b"c,0,1,0,4\n", *[b"f,512,0,0,1\n"] * 4]
     made.told = bytes
     assert (made.run(1.1).session.state, made.written[-1]) == ("running", b"R\n")
 
