@@ -15,7 +15,6 @@ import numpy as np
 
 from slipd.config import Grasp
 from slipd.finger.finger import Finger
-from slipd.finger.trust import is_trusted
 from slipd.finger.verdict import danger_reasons
 from slipd.fusion.held_pad import UNBOUNDED, HeldPad
 from slipd.fusion.motion_limits import nearest_limit, worst_turn
@@ -102,17 +101,10 @@ class MotionAdvice:
         if t_ns < self._looked_ns + LOOK_NS:
             return self._looked_ns + LOOK_NS
         self._looked_ns = t_ns
-        supported = self._object.supported
+        supported, arm = self._object.supported, self._arm
         com_m = (supported or self._object.state).com_m
-        known = com_m is not None and self._arm is not None and self._arm.is_used(t_ns)
-        states = [load.finger.state for load in self._loads] if known else []
-        wrenches = [
-            state.wrench
-            for state in states
-            if state.wrench is not None and state.contact is not None and state.contact.valid
-            and is_trusted(state.verdict) and state.verdict.level != "slipping"
-        ]  # fmt: skip
-        if com_m is None or not states or len(wrenches) < len(states):
+        wrenches = [wrench for load in self._loads if (wrench := load.held_wrench()) is not None]
+        if com_m is None or arm is None or not arm.is_used(t_ns) or len(wrenches) < len(self._loads):
             for load in self._loads:
                 load.forget()
             return t_ns + LOOK_NS

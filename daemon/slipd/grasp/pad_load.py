@@ -81,6 +81,12 @@ class PadLoad:
         """Forget the load."""
         self._count = 0
 
+    def held_wrench(self) -> Sequence[float] | None:
+        """Return the newest wrench of the finger; None where it is not trusted, or the finger holds nothing firmly."""
+        state = self.finger.state
+        firm = state.contact is not None and state.contact.valid and state.verdict.level != "slipping"
+        return state.wrench if firm and is_trusted(state.verdict) else None
+
     def update(self, wrench: Sequence[float]) -> float:
         """Add a reading; return the weight of the newest in the mean."""
         self._count = min(self._count + 1, MEMORY_READINGS)
