@@ -15,6 +15,7 @@ from slipd.config import Arm as ArmConfig
 from slipd.config import Grasp, stale_after_ns
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
+from slipd.finger.stream_health import Condition
 from slipd.grasp.arm_gravity import ArmGravity
 from slipd.grasp.grasp_view import Place
 from slipd.grasp.object_estimate import GripperMotion
@@ -186,7 +187,7 @@ class ArmMotion:
         """Return whether the gravity of a finger comes from the arm at ``t_ns``."""
         return finger in self._fingers and self.is_used(t_ns)
 
-    def conditions(self) -> list[tuple[Health, str]]:
+    def conditions(self) -> list[Condition]:
         """Return why the readings are not used, for people; empty where they are."""
         if self._fault:
             return [(Health.ERROR, self._fault)]

@@ -106,7 +106,7 @@ class GraspView:
 
     def evidence(self) -> dict[str, tuple[str, ...]]:
         """Return what showed on each finger at the last `update` that the object moves, by the finger's name."""
-        return {side.finger.name: side.state.evidence for side in self._sides}
+        return {one.finger.name: one.state.evidence for one in self._now}
 
     def update(self, width_m: float | None) -> GraspState:
         """Combine the newest readings of both fingers.
@@ -114,7 +114,7 @@ class GraspView:
         Args:
             width_m: Width between the pads, m; None where it is not known.
         """
-        first, second = self._sides = [_Side(finger, finger.state) for finger in self.fingers]
+        first, second = self._now = [_FingerNow(finger, finger.state) for finger in self.fingers]
         level = self.level()
         verdicts = first.state.verdict, second.state.verdict
         reasons = dict.fromkeys(why for verdict in verdicts if verdict.level == level for why in verdict.reasons)
@@ -133,10 +133,10 @@ class GraspView:
 
     def load(self, t_ns: int) -> GraspLoad:
         """Return the load at ``t_ns``, with the readings and the width of the last `update`."""
-        first, second = self._sides
+        first, second = self._now
         poses = [place.pose(self.state.width_m) for place in self._places]
-        world = external_wrench([side.wrench(t_ns) for side in self._sides], poses)
-        ages = [side.finger.freshness.age_s(t_ns) for side in self._sides]
+        world = external_wrench([one.wrench(t_ns) for one in self._now], poses)
+        ages = [one.finger.freshness.age_s(t_ns) for one in self._now]
         return GraspLoad(
             world.force_n,
             world.torque_nm,
@@ -146,7 +146,7 @@ class GraspView:
         )
 
 
-class _Side:
+class _FingerNow:
     """One finger of a grasp with its state, which is read once; NaN is unknown, also where the state is not trusted.
 
     Args:
