@@ -37,7 +37,7 @@ class Pusher(EmulatedDevice):
 
     Args:
         seed: Seed of the noise.
-        wrenches: Names of the streams of force/torque sensors.
+        wrenches: Names of the streams of force/torque sensors, each with the noise of its forces, N, and torques, N·m.
         pads: Names of the streams of pads, each with the shape of its image, (taxels,) or (taxels, 3).
         arms: Names of the streams of the arm's motion.
         rates_hz: Rate of a stream by its name, Hz; by default 500 for a sensor or arm, and 100 for a pad.
@@ -49,7 +49,7 @@ class Pusher(EmulatedDevice):
     def __init__(
         self,
         seed: int,
-        wrenches: Sequence[str] = (WRENCH,),
+        wrenches: Mapping[str, tuple[float, float]] = {WRENCH: (0.02, 0.0005)},
         pads: Mapping[str, tuple[int, ...]] = {PAD: (TAXELS,)},
         arms: Sequence[str] = (),
         rates_hz: Mapping[str, float] = {},
@@ -58,8 +58,8 @@ class Pusher(EmulatedDevice):
         self.began_ns = 0
         self._streams: dict[str, ReadingStream] = {}
         self._fields = dict.fromkeys(wrenches, _WRENCH_FIELDS) | dict.fromkeys(arms, _ARM_FIELDS)
-        for k, name in enumerate(wrenches):
-            self._streams[name] = WrenchStream(seed + k, rates_hz.get(name, READINGS_HZ))
+        for k, (name, noise) in enumerate(wrenches.items()):
+            self._streams[name] = WrenchStream(seed + k, rates_hz.get(name, READINGS_HZ), *noise)
         for k, (name, shape) in enumerate(pads.items()):
             self._streams[name] = ReadingStream(seed + k, rates_hz.get(name, READINGS_HZ / PAD_EVERY), shape, NOISE)
         for k, name in enumerate(arms):

@@ -207,7 +207,7 @@ def _sensor(stream: config.Stream) -> dict[str, str]:
 
 
 def _emulator(streams: dict[str, config.Stream], seed: int) -> Emulator:
-    """Return the emulator of the device on one port, with the sizes and gains that the config states."""
+    """Return the emulator of the device on one port, with the sizes, gains and noise that the config states."""
     first = next(iter(streams.values()))
     device = first.device
     if isinstance(first, config.Pad) and device == "pvdf":
@@ -224,10 +224,16 @@ def _emulator(streams: dict[str, config.Stream], seed: int) -> Emulator:
         "baud": first.baud or DEVICES[device].baud,
         "matrices": [(pad.cols, pad.rows) for _, pad in sorted(pads.items())],
         "pads": {name: _shape(pad) for name, pad in pads.items()},
-        "wrenches": [name for name, stream in sensors.items() if isinstance(stream, config.Wrench)],
+        "wrenches": {
+            name: (stream.force_std_n, stream.torque_std_nm)
+            for name, stream in sensors.items()
+            if isinstance(stream, config.Wrench)
+        },
         "arms": [name for name, stream in sensors.items() if isinstance(stream, config.Arm)],
         "rates_hz": {name: stream.rate_hz for name, stream in sensors.items()},
     }
+    if isinstance(first, config.Wrench):
+        offered |= {"noise_n": first.force_std_n, "noise_nm": first.torque_std_nm}
     if isinstance(first, config.Pad):
         offered |= {"rows": first.rows, "cols": first.cols, "taxels": first.rows * first.cols}
     return make_emulator(device, seed, **accepted(device, offered | config.device_options(first)))

@@ -19,6 +19,7 @@ from slipd.devices.shared import modbus
 from slipd.errors import ConfigError
 from slipd.signals.mounting import mounting_matrix
 from slipd.signals.pad import PadGeometry
+from slipd.signals.tare import most_std
 from slipd.tools.sim.emulated_pads import REST_COUNTS
 from slipd.tools.sim.emulators import Emulator
 from slipd.tools.sim.hand import PadLoad
@@ -127,6 +128,8 @@ def test_the_sensors_of_a_config_read_the_load_on_their_pad(text: str, tmp_path:
             for sample in read(rig, tmp_path, sensors.wrench)
             if isinstance(sample, WrenchSample) and sample.torque_nm is not None
         ]
+        noise = np.repeat((sensors.wrench.force_std_n, sensors.wrench.torque_std_nm), 3)
+        assert (np.std(readings, axis=0) < most_std(noise)).all(), "a tare would be given up"
         pose = sensors.wrench.pad_from_sensor
         found = mounting_matrix(pose.xyz_m, pose.quat_xyzw, sensors.wrench.sign) @ (np.mean(readings, axis=0) - BIAS)
         assert found - devices.hand.weight(finger, 0.0) == pytest.approx(devices.loads(0)[finger].wrench(), abs=0.06)
