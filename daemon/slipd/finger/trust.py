@@ -174,9 +174,8 @@ class ContactPresence:
         finger, image = self._finger, self._finger.image
         if image is None or finger.in_contact:
             return False
-        if "disagreement_contact" in finger.state.verdict.reasons:
-            return True
-        return finger.image_in_newtons and bool(self.shown_by_image() and image.pressure.sum() > self._clear_n)
+        shown = finger.image_in_newtons and bool(self.shown_by_image() and image.pressure.sum() > self._clear_n)
+        return shown or "disagreement_contact" in finger.state.verdict.reasons
 
     def contact_force_n(self, t_ns: int) -> float | None:
         """Return the normal force of a contact at ``t_ns``, N; None without contact, or where the force is not trusted.

@@ -62,16 +62,13 @@ class GripperFaultDetector:
         elif sample.active and (self._activation == "under way" or sample.t_ns - self._requested_ns > ACTIVATION_NS):
             self._activation = ""
         self._wrong_echoes = self._wrong_echoes + 1 if sample.echo_ok is False else 0
-        self._follow_force(sample, sent_n)
+        holds = sample.object.startswith("contact") and not sample.moving and sent_n is not None
+        self._most_n = max(self._most_n, sent_n or 0.0) if holds else 0.0
+        strong = holds and (sample.force_n or 0.0) > FORCE_FACTOR * self._most_n + FORCE_N
+        self._wrong_forces = self._wrong_forces + 1 if strong else 0
         began = "" if self._activation == "under way" else self._begun(sample)
         self._fault, self._active = sample.fault, sample.active
         return began
-
-    def _follow_force(self, sample: GripperSample, sent_n: float | None) -> None:
-        holds = sample.object.startswith("contact") and not sample.moving and sent_n is not None
-        self._most_n = max(self._most_n, sent_n or 0.0) if holds else 0.0
-        wrong = holds and (sample.force_n or 0.0) > FORCE_FACTOR * self._most_n + FORCE_N
-        self._wrong_forces = self._wrong_forces + 1 if wrong else 0
 
     def _begun(self, sample: GripperSample) -> str:
         if sample.fault and sample.fault != self._fault:

@@ -75,7 +75,6 @@ class Agreement:
         self._images = 0
         self._agreed_ns = 0
         self.shown = 0.0
-        self._lost = False
         self.reported: tuple[str, ...] = ()
 
     def update(
@@ -104,29 +103,29 @@ class Agreement:
                 self.shown = 0.0
             self._before = contact
         elif self.shown > 0.0 and total >= (GONE if self.reported else KEPT) * self.shown:
-            now = ("contact",)
+            now, self._before = ("contact",), None
         else:
-            self.shown, self._lost = 0.0, False
+            self.shown = 0.0
             self.reset()
             return ()
         if not now:
             self._since_ns, self._images = None, 0
             if t_ns - self._agreed_ns >= AGREE_NS:
-                self.reported, self._lost = (), False
+                self.reported = ()
             return self.reported
         if self._since_ns is None:
             self._since_ns = t_ns
         self._images += 1
         self._agreed_ns = t_ns
         if self.reported or (self._images >= PERSIST_IMAGES and t_ns - self._since_ns >= PERSIST_NS):
-            self.reported, self._lost = now, self._lost or not contact.valid
+            self.reported = now
         return self.reported
 
     def reset(self) -> None:
         """Forget the comparison, because the contact or a stream ended; a contact that the force sensor lost lasts."""
-        self._before, self._since_ns, self._images = None, None, 0
-        if not self._lost:
+        if self._before is not None or self.shown == 0.0:
             self.reported = ()
+        self._before, self._since_ns, self._images = None, None, 0
 
     def _differences(
         self, contact: Contact, force_std_n: float, total: float, x_sum: float, y_sum: float, inner: int
