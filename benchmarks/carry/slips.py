@@ -12,7 +12,6 @@ from carry.weigh import ARM, ARM_MS, MS, TIMING_S, Distortion
 from evaluate import playing
 from evaluate.finger_sensing import FingerSensing, offline_config
 from evaluate.offline_grasp import BEGIN_NS, LEAD_S
-from evaluate.reports import SLIPPING
 from evaluate.running import Tape, Variant, record, reports
 from evaluate.scene import STEP_S, Kind, Scene
 from evaluate.score import score
@@ -36,8 +35,7 @@ ARM_AGE_NS = 2 * MS
 def measure_slips(count: int, first: int = 0) -> None:
     """Print false slip reports, and slips that are reported in time, by kind of the arm stream; of seeds from `first`.
 
-    The other finger is silent, so that the stream is checked by its length only. A stream only withholds reports, so it
-    is not tried where there are none without it.
+    The other finger is silent, so that the stream is checked by its length only.
     """
     found = {name: Counter[str]() for name in ("no stream", *STREAMS)}
     delays_s: dict[str, list[float]] = {name: [] for name in found}
@@ -48,9 +46,8 @@ def measure_slips(count: int, first: int = 0) -> None:
             truth = playing.truth_of(scene, trace, every=RARELY, needs=False)
             tape = record(scene, trace, "", seed)
             published = reports(scene, tape, Variant())
-            reported = bool((published.level == SLIPPING).any())
             for name, tally in found.items():
-                if name in STREAMS and reported:
+                if name in STREAMS:
                     published = reports(scene, *with_arm(tape, scene, motion, seed, STREAMS[name]))
                 figures = score(truth, published, steady=None, closed_s=scene.closed_s)
                 long = [episode for episode in figures.episodes if episode.long]

@@ -15,7 +15,7 @@ from typing import Any
 
 import numba
 
-FILES = ("load_blocks", "slide", "explained", "load_jump", "slow_fall", "load_drop")
+FILES = ("load_blocks", "slide", "explained", "load_jump", "slow_fall", "load_lag", "load_drop")
 """Of `slipd.fusion`, each after those that it uses."""
 
 

@@ -13,13 +13,13 @@ from __future__ import annotations
 import math
 
 from slipd.fusion.compiled import compiled_part
-from slipd.fusion.load_blocks import LEVEL, RING
+from slipd.fusion.load_blocks import LEVEL, RING, mean_force
 from slipd.fusion.rows import Row, Rows
 
 LEFT = 0.4
 """Motion that explains a fall leaves at most this part of it. In simulated grasps that are carried it leaves mostly
 less than 0.3 where the object sticks, and more than 0.6 where it slides."""
-MOVED, TURNED_RADPS = 0.1, 0.1
+MOVED, TURNED_RADPS = 0.05, 0.1
 """The arm has moved if the apparent gravity changed by this part, or the speed of its turn about the normal of the pad
 by so much."""
 CARRIED_S, FOLLOWS = 0.1, 0.15
@@ -62,7 +62,7 @@ def is_carried(drop: Row, ring: Rows, p: int, top: int) -> bool:
     b = int(CARRIED_S / drop["dt"] + 0.5)
     if max(drop["unfelt"], drop["block"] - drop["count"]) > top - b:
         return False
-    now, then = _mean_motion(ring, drop["block"], 1), _mean_motion(ring, top, b)
+    now, then = mean_motion(ring, drop["block"], 1), mean_motion(ring, top, b)
     return _unexplained(drop, ring, p, 1, top, b) * math.hypot(*then[:2]) <= FOLLOWS * math.hypot(*now[:2])
 
 
@@ -70,10 +70,10 @@ def is_carried(drop: Row, ring: Rows, p: int, top: int) -> bool:
 def _has_moved(drop: Row, ring: Rows, top: int) -> bool:
     """Return whether the motion of the arm changed since shortly before block ``top``."""
     k = drop["block"]
-    gx, gy, turn = _mean_motion(ring, k, 1)
+    gx, gy, turn = mean_motion(ring, k, 1)
     known = min(k - top + int(CARRIED_S / drop["dt"]), k - drop["unfelt"], drop["count"])
     for back in range(LEVEL, known - LEVEL, LEVEL):
-        gx_then, gy_then, turn_then = _mean_motion(ring, k - back, LEVEL)
+        gx_then, gy_then, turn_then = mean_motion(ring, k - back, LEVEL)
         moved = math.hypot(gx - gx_then, gy - gy_then) > MOVED * math.hypot(gx_then, gy_then)
         if moved or abs(turn - turn_then) > TURNED_RADPS:
             return True
@@ -81,7 +81,7 @@ def _has_moved(drop: Row, ring: Rows, top: int) -> bool:
 
 
 @compiled_part
-def _mean_motion(ring: Rows, end: int, count: int) -> tuple[float, float, float]:
+def mean_motion(ring: Rows, end: int, count: int) -> tuple[float, float, float]:
     """Return the mean apparent gravity of the blocks up to ``end``, and the mean speed of the turn."""
     last, first = ring[end % RING], ring[(end - count) % RING]
     return (
@@ -104,19 +104,16 @@ def _unexplained(drop: Row, ring: Rows, p: int, felt: int, top: int, b: int) -> 
         b: Blocks up to that one.
     """
     k = drop["block"]
-    now, end, then, begin = ring[k % RING], ring[(k - p) % RING], ring[top % RING], ring[(top - b) % RING]
-    fx, fy = (now["fx"] - end["fx"]) / p, (now["fy"] - end["fy"]) / p
-    fx_then, fy_then = (then["fx"] - begin["fx"]) / b, (then["fy"] - begin["fy"]) / b
-    gx, gy, _ = _mean_motion(ring, k, felt)
-    gx_then, gy_then, _ = _mean_motion(ring, top, b)
-    along, across = _ratio(fx, fy, fx_then, fy_then)
-    felt_along, felt_across = _ratio(gx, gy, gx_then, gy_then)
+    gx, gy, _ = mean_motion(ring, k, felt)
+    gx_then, gy_then, _ = mean_motion(ring, top, b)
+    along, across = ratio(*mean_force(ring, k, p), *mean_force(ring, top, b))
+    felt_along, felt_across = ratio(gx, gy, gx_then, gy_then)
     left = math.hypot(along - felt_along, across - felt_across)
     return math.inf if math.isnan(left) else left
 
 
 @compiled_part
-def _ratio(ax: float, ay: float, bx: float, by: float) -> tuple[float, float]:
+def ratio(ax: float, ay: float, bx: float, by: float) -> tuple[float, float]:
     """Return the quotient of two vectors as complex numbers: how the first is scaled and turned; NaN where b is 0."""
     size = bx * bx + by * by
     return (ax * bx + ay * by) / size, (ay * bx - ax * by) / size

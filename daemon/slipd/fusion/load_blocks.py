@@ -39,7 +39,7 @@ ROUGH = 6.0
 """Coloured noise adds so many of its variances to that of a fall: two means, of which one is the largest of many."""
 MOSTLY = 0.5
 """A change has another cause where that makes up more than this part: the load that gives way across its direction, the
-normal force that falls before a jump."""
+normal force that falls before a jump, what two stretches before a lag differ by."""
 TIGHTER = 0.2
 """A grip grows tighter where its normal force grows by more than this part of the growth that would explain a fall."""
 
@@ -47,7 +47,7 @@ LENGTHS = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48)
 """Lengths of a plateau, a fall, and an overshoot that are tried, in blocks."""
 CHANGES = 0.1
 """The grip closes where the normal force grows by this part within the longest of these lengths; a slide ends where q
-leaves its plateau by it."""
+leaves its plateau by it; q lags by at least this part of it, and is below what was carried by no more."""
 
 
 @compiled
@@ -214,6 +214,13 @@ def mean_normal(ring: Rows, end: int, count: int) -> float:
 
 
 @compiled_part
+def mean_force(ring: Rows, end: int, count: int) -> tuple[float, float]:
+    """Return the mean tangential force of the blocks up to ``end``, N."""
+    last, first = ring[end % RING], ring[(end - count) % RING]
+    return (last["fx"] - first["fx"]) / count, (last["fy"] - first["fy"]) / count
+
+
+@compiled_part
 def vibration(drop: Row, rough: float) -> float:
     """Return the deviation of what does not average out like white noise."""
     return math.sqrt(max(rough * rough - 1.5 / LEVEL * noise_of(drop) ** 2, 0.0))
@@ -253,9 +260,8 @@ def noise_of(drop: Row) -> float:
 @compiled_part
 def goes_aside(ring: Rows, k: int, p: int, top: int, b: int) -> bool:
     """Return whether the tangential force changed across its own direction more than along it."""
-    newest, at, high, low = ring[k % RING], ring[(k - p) % RING], ring[top % RING], ring[(top - b) % RING]
-    fx, fy = (high["fx"] - low["fx"]) / b, (high["fy"] - low["fy"]) / b
-    size = math.hypot(fx, fy)
-    dx, dy = (newest["fx"] - at["fx"]) / p - fx, (newest["fy"] - at["fy"]) / p - fy
+    fx, fy = mean_force(ring, top, b)
+    fx_now, fy_now = mean_force(ring, k, p)
+    size, dx, dy = math.hypot(fx, fy), fx_now - fx, fy_now - fy
     along, across = -(dx * fx + dy * fy), abs(dx * fy - dy * fx)
     return size > 0.0 and across > MOSTLY * max(along, 0.1 * size * size)

@@ -43,9 +43,11 @@ from slipd.fusion.load_blocks import (
     vibration,
 )
 from slipd.fusion.load_jump import look_for_jump, look_for_overshoot
+from slipd.fusion.load_lag import look_for_lag
 from slipd.fusion.rows import Row, Rows
 from slipd.fusion.slide import (
     BACK,
+    FLAT,
     LEAST_RISE,
     MOST_DROP,
     NEAR,
@@ -73,8 +75,6 @@ LEAST_PLATEAU_S = 0.005
 ODD = 4.0
 """A plateau lasts at least as long as its fall. Where the peak is below NEAR of μ, the fall is odd, and the plateau
 must last longer: by ODD times as much where the peak is lower by MOST_DROP of μ, or where μ is unknown."""
-FLAT = 0.15
-"""A plateau changes by at most this part of the fall, and scatters by no more beyond its noise: a swing does."""
 
 
 @compiled_part
@@ -118,6 +118,8 @@ def follow_load(
             _look(drop, ring, t_s, mu)
             if not drop["sliding"]:
                 look_for_slow_fall(drop, ring, t_s, mu)
+            if not drop["sliding"]:
+                look_for_lag(drop, ring, t_s, mu)
     return bool(drop["sliding"])
 
 

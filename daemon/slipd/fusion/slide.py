@@ -22,6 +22,8 @@ coefficient of friction that is known."""
 MOST_DROP, SHALLOW = 0.38, 0.25
 """Parts of q. A slip falls by at most MOST_DROP: dynamic friction is rarely less, and a load that is let go falls
 further. A fall of less than SHALLOW is shallow."""
+FLAT = 0.15
+"""A plateau changes by at most this part of the fall or lag, and scatters by no more beyond its noise: a swing does."""
 SLIGHT = 0.08
 """What is at most this part of a fall or jump counts as nothing: the bend, the ringing, and the noise of a plateau, and
 the distance of a fall from the top."""

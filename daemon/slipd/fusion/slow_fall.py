@@ -33,6 +33,7 @@ from slipd.fusion.load_blocks import (
     ROUGH,
     goes_aside,
     grows_tighter,
+    mean_force,
     mean_normal,
     mean_q,
     noise_of,
@@ -170,16 +171,10 @@ def _level_of_slowed_fall(ring: Rows, k: int, fallen: int, peak: float, noise: f
 def _goes_on(ring: Rows, k: int, back: int, level: int, peak: float) -> bool:
     """Return whether the load that was at its peak ``back`` blocks ago went on: more shear, or less grip."""
     before, after = mean_normal(ring, k - back, level), mean_normal(ring, k, level)
-    grown = _mean_shear(ring, k, level) / after - _mean_shear(ring, k - back, level) / before
+    shear_before, shear = math.hypot(*mean_force(ring, k - back, level)), math.hypot(*mean_force(ring, k, level))
+    grown = shear / after - shear_before / before
     moved = max(grown / peak, (before - after) / before)
     return bool(after <= (1.0 + LEAST_RISE) * before and moved > LEAST_RISE)
-
-
-@compiled_part
-def _mean_shear(ring: Rows, end: int, count: int) -> float:
-    """Return the size of the mean tangential force of the blocks up to ``end``."""
-    last, first = ring[end % RING], ring[(end - count) % RING]
-    return math.hypot(last["fx"] - first["fx"], last["fy"] - first["fy"]) / count
 
 
 @compiled_part

@@ -89,7 +89,7 @@ def stepped(before: float, after: float, at: int, count: int, within: int = 10) 
     return line((before, before, at), (before, after, within), (after, after, count - at - within))
 
 
-PUSHED = stepped(5.0, 6.0, 740, FALLEN.size)
+PUSHED = stepped(5.5, 6.0, 740, FALLEN.size)
 
 
 @pytest.mark.parametrize("spun", [FALLEN, SLOWLY])

@@ -337,7 +337,7 @@ def test_a_slow_fall_of_the_required_friction_is_a_slip_within_these_limits(name
     for value in expected:
         used, how = course(value)
         mu, count = how.get("mu", MU), len(used)
-        shear_n = how.get("shear_n", np.linspace(1.0, 4.0, count))
+        shear_n = how.get("shear_n", np.linspace(1.5, 4.0, count))
         times_s = 100.0 + 1e-3 * np.arange(count)
         slips = slips_at(
             assessed(
