@@ -17,7 +17,9 @@ HELD = line((1.0, 6.0, 400), (6.0, 6.0, 300))
 FOLLOWS = 2.0 * GROWS
 
 
-def reported(force: Array, held: Array, *, felt: Array = STILL, aside: Array | float = 0.0, mu: float = MU) -> list[int]:
+def reported(
+    force: Array, held: Array, *, felt: Array = STILL, aside: Array | float = 0.0, mu: float = MU
+) -> list[int]:
     """Return where slips begin, for a force and its part aside, N, and the apparent gravity that the arm reports."""
     rows, contact = readings(force, aside=aside, mu=mu), watch()
     rows["utilisation"] = readings(held, mu=mu)["utilisation"]
