@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from load_course import MU, STD_N, assess, line, readings, slips_at, watch
 
-from slipd.fusion.levels import WrenchUncertainty
+from slipd.fusion.contact_state import WrenchUncertainty
 from slipd.types.arrays import Array
 
 LIFT, GOES_ON, STAYS = (0.5, 3.0, 400), (3.0, 4.0, 60), (4.0, 4.0, 240)
