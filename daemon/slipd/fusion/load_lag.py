@@ -1,13 +1,13 @@
 """A load that asks for more friction than there is: how the force path sees a heavy object turn in the grip.
 
-The weight of an object that sticks, and the force that accelerates it, act at its centre of mass. While that force keeps
-its direction, force and spin grow in proportion, and so does the required friction q. An object that turns in the grip,
-or slides, does not take up all of it: q stays at the limit of friction though the load grows. The load is seen by the
-tangential force, which mostly goes on to follow the arm when an object turns, and by the motion of the arm where it is
+The weight of an object that sticks, and the force that accelerates it, act at its centre of mass. While that force
+keeps its direction, force and spin grow in proportion, and so does the required friction q. An object that turns in the
+grip, or slides, does not take up all of it: q stays at the limit of friction though the load grows. The load is seen in
+the tangential force, which mostly follows the arm even while an object turns, and in the motion of the arm where that is
 known. It is a slip only if
 
 - q is flat, near the largest that this grasp carried without motion, and not far from the coefficient of friction,
-- two stretches before ask for clearly more, and agree: an object that swings asks for more and less in turn,
+- two stretches before ask for clearly more, and agree,
 - the lag is more than the noise explains at the stated rate of false alarms, and more than twice any swing of the last
   second.
 """
@@ -68,7 +68,8 @@ def look_for_lag(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
 def _asked(drop: Row, ring: Rows, p: int, end: int) -> float:
     """Return q of the newest ``p`` blocks if it had grown with the load since the ``p`` blocks up to ``end``.
 
-    The load is the tangential force per normal force or, where the arm is known, its apparent gravity if that grew more.
+    The load is the tangential force or, where the arm is known, its apparent gravity if that grew more; per normal
+    force.
 
     Returns:
         That q; 0 where the force did not keep its direction.
