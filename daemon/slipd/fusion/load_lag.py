@@ -2,9 +2,9 @@
 
 The weight of an object that sticks, and the force that accelerates it, act at its centre of mass. While that force
 keeps its direction, force and spin grow in proportion, and so does the required friction q. An object that turns in the
-grip, or slides, does not take up all of it: q stays at the limit of friction though the load grows. The load is seen in
-the tangential force, which mostly follows the arm even while an object turns, and in the motion of the arm where that is
-known. It is a slip only if
+grip, or slides, does not take up all of it: q stays at the limit of friction though the load grows. The tangential
+force shows how the load grows, since it mostly follows the arm even while an object turns; so does the motion of the
+arm, where it is known. It is a slip only if
 
 - q is flat, near the largest that this grasp carried without motion, and not far from the coefficient of friction,
 - two stretches before ask for clearly more, and agree,
