@@ -23,9 +23,8 @@ import math
 import numpy as np
 
 from slipd.fusion import Contact
-from slipd.fusion.compiled import compiled
 from slipd.signals.pad import STEPS, neighbours
-from slipd.types.arrays import Array, Indices
+from slipd.types.arrays import Array
 
 INNER_PITCHES = 0.5
 """Tolerance of the centroid, in pitches, with an inner taxel."""
@@ -94,9 +93,9 @@ class Agreement:
         Returns:
             `reported`.
         """
-        total, x_sum, y_sum, inner = _moments(x, y, pressure, self._sides)
+        total = float(pressure.sum())
         if contact.valid:
-            now = self._differences(contact, force_std_n, total, x_sum, y_sum, inner)
+            now = self._differences(contact, force_std_n, x, y, pressure, total)
             if contact.normal_n > CLEAR * self._least_n:
                 self.shown = total if math.isfinite(total) else 0.0
             elif not self.reported:
@@ -128,15 +127,16 @@ class Agreement:
         self._before, self._since_ns, self._images = None, None, 0
 
     def _differences(
-        self, contact: Contact, force_std_n: float, total: float, x_sum: float, y_sum: float, inner: int
+        self, contact: Contact, force_std_n: float, x: Array, y: Array, pressure: Array, total: float
     ) -> tuple[str, ...]:
         if not math.isfinite(total):
             return ()
         if total <= 0.0:
             return ("contact",) if contact.normal_n > CLEAR * self._least_n else ()
         before = self._before or contact
-        found = []
-        away_m = math.hypot(x_sum / total - contact.cx_m, y_sum / total - contact.cy_m)
+        active, found = pressure > 0.0, []
+        inner = np.count_nonzero(active & (active[self._sides] & (self._sides >= 0)).all(axis=1))
+        away_m = math.hypot(pressure @ x / total - contact.cx_m, pressure @ y / total - contact.cy_m)
         # since the last image, whose time is not quite this
         moved_m = math.hypot(contact.cx_m - before.cx_m, contact.cy_m - before.cy_m)
         pitches = INNER_PITCHES if inner else OUTER_PITCHES
@@ -149,25 +149,3 @@ class Agreement:
             if abs(total - contact.normal_n) > tolerance * max(total, contact.normal_n) + least:
                 found.append("force")
         return tuple(found)
-
-
-@compiled
-def _moments(x: Array, y: Array, pressure: Array, sides: Indices) -> tuple[float, float, float, int]:
-    """Return Σ p, Σ p x and Σ p y of an image, and its number of inner taxels.
-
-    Args:
-        x: Centres of the taxels, shape (n,), m.
-        y: Likewise, shape (n,), m.
-        pressure: Readings, shape (n,); a taxel is active when positive.
-        sides: The four side neighbours of each, shape (n, 4); −1 beyond the border.
-    """
-    total, x_sum, y_sum, inner = 0.0, 0.0, 0.0, 0
-    for i in range(len(pressure)):
-        total += pressure[i]
-        x_sum += pressure[i] * x[i]
-        y_sum += pressure[i] * y[i]
-        within = pressure[i] > 0.0
-        for side in sides[i]:
-            within = within and side >= 0 and pressure[side] > 0.0
-        inner += int(within)
-    return total, x_sum, y_sum, inner
