@@ -29,13 +29,3 @@ def ranked(values: Array, rank: int) -> float:
         if rank < i:
             high = j
     return float(values[rank])
-
-
-@compiled
-def median(values: Array) -> float:
-    """Return the median; the values, at least one and none of them NaN, are left in another order."""
-    middle = len(values) // 2
-    upper = lower = ranked(values, middle)
-    if len(values) % 2 == 0:
-        lower = ranked(values[:middle], middle - 1)
-    return 0.5 * (lower + upper)

@@ -21,7 +21,7 @@ import math
 
 import numpy as np
 
-from slipd.fusion.ranked import median, ranked
+from slipd.fusion.ranked import ranked
 from slipd.signals.pad import STEPS, neighbours
 from slipd.signals.taxel_blocks import (
     CHANGES,
@@ -127,15 +127,15 @@ class TaxelFaults:
         shear_noise = math.sqrt(float(total[SHEAR_SQUARES].min()) / (2 * images))
         self._shear_noise = _lowest(self._shear_noise, shear_noise)
         self._peak = max(self._peak * (1.0 - 1.0 / PEAK_TIMES), float(np.where(masked, 0.0, mean).max()))
-        middle = median(mean.copy())
-        self._spread = _lowest(self._spread, 1.4826 * median(np.abs(mean - middle)))
+        middle = float(np.median(mean))
+        self._spread = _lowest(self._spread, 1.4826 * float(np.median(np.abs(mean - middle))))
         active = max(threshold, JITTER * self._noise)
         pressed = max(active, LOADED * self._spread)
         rest = max(HOT_THRESHOLDS * threshold, HOT * self._noise, HOT * self._spread)
         self.away = np.abs(mean) > rest
         resting = rate[(np.abs(mean) <= pressed) & ~masked]
         if 2 * resting.size > rate.size:  # otherwise a lost row might be most of the resting taxels
-            self._noisy_rest = median(resting) >= CHANGING
+            self._noisy_rest = bool(np.median(resting) >= CHANGING)
         limit = max(rest, AFTER_EFFECT * self._peak, self._light_touch) + max(middle, 0.0)
         if not blocks.free[blocks.last(FREE_BLOCKS)].all():
             limit = math.inf
