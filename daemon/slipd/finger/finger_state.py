@@ -255,25 +255,20 @@ class VerdictBatch:
         state.status, state.reading = readings.statuses[k], readings.rows[k : k + 1]
         if phase == TOUCHING:
             state.friction, state.load_distribution = self.frictions[k], self.load_distribution
-            state.verdict = self._contact_verdict(state, k)
-        elif phase == UNTRUSTED:
+        if phase == UNTRUSTED:
             state.verdict = Verdict("unknown", self.readings.untrusted.get(k, UNTARED.reasons))
         elif phase == PULLED:
             state.verdict = PAD_PULLED
         elif self.disagreement and k < self.ends_at:
-            state.verdict = self._disagreement_verdict
+            state.verdict = Verdict("unknown", ("disagreement", *self.disagreement))
+        elif phase == TOUCHING:
+            state.verdict = self._contact_verdict(state, k)
         else:
             state.verdict = WEIGHT_UNKNOWN if self.levels[k] == UNKNOWN else PAD_FREE
         return state
 
-    @property
-    def _disagreement_verdict(self) -> Verdict:
-        return Verdict("unknown", ("disagreement", *self.disagreement))
-
     def _contact_verdict(self, state: FingerState, k: int) -> Verdict:
-        """Return the verdict on reading k, which touches."""
-        if self.disagreement and k < self.ends_at:
-            return self._disagreement_verdict
+        """Return the verdict on reading k, which touches, without a disagreement."""
         level, found, friction = LEVELS[self.levels[k]], GRIP_HOLDS, self.frictions[k]
         if level != GRIP_HOLDS.level:
             rows = self.readings.rows
