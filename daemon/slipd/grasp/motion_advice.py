@@ -103,8 +103,9 @@ class MotionAdvice:
         self._looked_ns = t_ns
         supported, arm = self._object.supported, self._arm
         com_m = (supported or self._object.state).com_m
-        wrenches = [wrench for load in self._loads if (wrench := load.held_wrench()) is not None]
-        if com_m is None or arm is None or not arm.is_used(t_ns) or len(wrenches) < len(self._loads):
+        looks = com_m is not None and arm is not None and arm.is_used(t_ns)
+        wrenches = [wrench for load in self._loads if looks and (wrench := load.held_wrench()) is not None]
+        if com_m is None or len(wrenches) < len(self._loads):
             for load in self._loads:
                 load.forget()
             return t_ns + LOOK_NS
