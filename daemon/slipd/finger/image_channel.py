@@ -130,7 +130,7 @@ class ImageChannel:
         freshness = self.freshness
         freshness.update(sample.t_ns, t_ns, arrival)
         self.fresh_until_ns = -1 if freshness.late else (freshness.came_ns or 0) + freshness.stale_ns
-        if self.shows_contact() is not False:
+        if not self.is_independent or np.count_nonzero(self.pressure):
             self.pressed_ns = t_ns
 
     def _condition(self, sample: TactileSample, t_ns: int, summary: ForceSummary) -> tuple[Array, bool]:
