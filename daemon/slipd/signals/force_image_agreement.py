@@ -23,7 +23,6 @@ import math
 import numpy as np
 
 from slipd.fusion import Contact
-from slipd.signals.pad import STEPS, neighbours
 from slipd.types.arrays import Array
 
 INNER_PITCHES = 0.5
@@ -46,8 +45,6 @@ KEPT, GONE = 0.75, 0.25
 """A force sensor that falls from a clear contact to none between two images has failed if the image keeps the first
 share of its sum; the contact lasts until the image falls below the second. A release leaves about a tenth."""
 
-_SIDES = [k for k, (down, right) in enumerate(STEPS) if down == 0 or right == 0]
-
 
 class Agreement:
     """Compares the force sensor and the image of one finger.
@@ -67,7 +64,7 @@ class Agreement:
     """
 
     def __init__(self, rows: int, cols: int, pitch_m: float, least_n: float, gain_error: float | None = None) -> None:
-        self._sides = np.ascontiguousarray(neighbours(rows, cols)[:, _SIDES])
+        self._grid = rows, cols
         self._pitch_m, self._least_n, self._gain_error = pitch_m, least_n, gain_error
         self._before: Contact | None = None
         self._since_ns: int | None = None
@@ -134,8 +131,9 @@ class Agreement:
         if total <= 0.0:
             return ("contact",) if contact.normal_n > CLEAR * self._least_n else ()
         before = self._before or contact
-        active, found = pressure > 0.0, []
-        inner = np.count_nonzero(active & (active[self._sides] & (self._sides >= 0)).all(axis=1))
+        active, found = (pressure > 0.0).reshape(self._grid), []
+        above, below, left, right = active[:-2, 1:-1], active[2:, 1:-1], active[1:-1, :-2], active[1:-1, 2:]
+        inner = np.count_nonzero(active[1:-1, 1:-1] & above & below & left & right)
         away_m = math.hypot(pressure @ x / total - contact.cx_m, pressure @ y / total - contact.cy_m)
         # since the last image, whose time is not quite this
         moved_m = math.hypot(contact.cx_m - before.cx_m, contact.cy_m - before.cy_m)
