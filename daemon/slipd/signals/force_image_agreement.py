@@ -132,8 +132,8 @@ class Agreement:
             return ("contact",) if contact.normal_n > CLEAR * self._least_n else ()
         before = self._before or contact
         active, found = (pressure > 0.0).reshape(self._grid), []
-        above, below, left, right = active[:-2, 1:-1], active[2:, 1:-1], active[1:-1, :-2], active[1:-1, 2:]
-        inner = np.count_nonzero(active[1:-1, 1:-1] & above & below & left & right)
+        between = active[:-2] & active[1:-1] & active[2:]  # the taxels above and below are active too
+        inner = np.count_nonzero(between[:, 1:-1] & active[1:-1, :-2] & active[1:-1, 2:])
         away_m = math.hypot(pressure @ x / total - contact.cx_m, pressure @ y / total - contact.cy_m)
         # since the last image, whose time is not quite this
         moved_m = math.hypot(contact.cx_m - before.cx_m, contact.cy_m - before.cy_m)
