@@ -98,8 +98,8 @@ class Bench:
         for key, value in changed.items():
             text = text.replace(f"\n{key} = ", f"\n{value}\n# {key} = ")
         gripper = config.parse(LEFT + text, "rig.toml").gripper
-        self.session, self.pads = Recorded(), pads
-        self.control = GripperControl(gripper, self.session, dict(enumerate(pads)))  # type: ignore[arg-type]
+        self.session, self.pads = Recorded(), pads or (Pad(),)
+        self.control = GripperControl(gripper, self.session, dict(enumerate(self.pads)))  # type: ignore[arg-type]
         if heard:
             self.control.update(reading())
 
@@ -215,12 +215,3 @@ def lose(bench: Bench) -> None:
 
 def wake(bench: Bench) -> None:
     bench.control.wake()
-
-
-def react(force_n: float, refusal: Refused = None) -> Step:
-    """The reflex asks for a force."""
-
-    def step(bench: Bench) -> None:
-        assert why(bench.control.carry_out("reflex", T0, force_n=force_n)) == refusal
-
-    return step

@@ -13,6 +13,7 @@ from slipd.config import Gripper as GripperConfig
 from slipd.devices import GripperSession
 from slipd.finger.finger import Finger
 from slipd.finger.stream_health import Condition
+from slipd.gripper.commanded_motion import ARRIVED_M, CommandedMotion
 from slipd.gripper.grip_gate import judge, why_not_sent
 from slipd.gripper.grip_in_force import GripInForce, not_free
 from slipd.gripper.grip_policy import GripLimits, GripPolicy
@@ -31,16 +32,6 @@ an unanswered command earlier, after two repeats."""
 LONGEST_PAUSE_NS = 50_000_000
 """Longest pause between two events: after a longer one the daemon stalled. Readings wait to be read, and
 unsent commands were meant for another situation."""
-
-LONGEST_BEGIN_NS = 1_000_000_000
-"""A motion that no reading has shown within this time has ended, or never began."""
-
-ARRIVED_M = 5e-4
-"""Fingers this close to their goal have arrived, m."""
-
-FAR = 0.25
-"""Share of the range of widths from which fingers that stay where they were have ignored a motion: closer to the goal,
-their own stop may hold them."""
 
 
 class GripperControl:
@@ -69,12 +60,7 @@ class GripperControl:
         self.grip = GripInForce(self.policy, session, self._fingers)
         self.sample: GripperSample | None = None
         self.width_m: float | None = None
-        self._goal_m: float | None = None  # of the last motion; None: not known, or halted
-        self._from_m: float | None = None  # where the fingers were before it
-        self._goals_m: tuple[float, float] | None = None  # of the motions that may be under way
-        self._seen_moving = False  # since the last motion was sent
-        self._moves = False  # the fingers, as far as is known
-        self._moved_ns = 0  # when they were sent somewhere
+        self._motion = CommandedMotion(config.rate_hz)
         self._heard_ns = 0  # later by the time in which the daemon stalled
         self._command_lost = False
         self._reported_fault = ""
@@ -82,14 +68,16 @@ class GripperControl:
     def update(self, sample: GripperSample) -> None:
         """Update with a status reading."""
         self.sample, self._heard_ns, self.width_m = sample, sample.t_ns, finite_or_none(sample.width_m)
-        self.policy.latch(self._faults.update(sample, self.grip.command_n))
-        self._moves = sample.moving or (self._moves and sample.t_ns <= self._moved_ns)
-        self._follow(sample)
-        self.grip.update(sample, answers_command=sample.t_ns > self._moved_ns)
+        self.policy.latch(self._faults.update(sample, self.grip.command_n if self.policy.grips else None))
+        ignored = self._motion.update(sample, self.width_m, self.session.width_range_m)
+        if ignored and all(finger.presence.is_pressed() is False for finger in self._fingers.values()):
+            self.policy.latch(MOTION_IGNORED)
+        self.grip.update(sample, answers_command=sample.t_ns > self._motion.sent_ns)
 
     def drop_after_pause(self, pause_ns: int) -> None:
         """Drop unsent commands after a pause of the daemon longer than `LONGEST_PAUSE_NS`, before any is written."""
         self._heard_ns += pause_ns - LONGEST_PAUSE_NS
+        self._motion.excuse()
         self._drop()
 
     def wake(self) -> None:
@@ -138,7 +126,9 @@ class GripperControl:
         Returns:
             Why it was refused, and then nothing has changed; None where it was carried out.
         """
-        situation, applied_n = self._situation(t_ns), self._applied_n(force_n)
+        situation = self._situation(t_ns)
+        # settings may be steps
+        applied_n = None if force_n is None or not math.isfinite(force_n) else self.session.applied_n(force_n)
         # a close before a release is confirmed is a change of the force that may still act
         held_n = situation.grip.force_n if kind == "close" else self.policy.force_n
         intent = Intent(kind, who, self.width_m, width_m, held_n, force_n, applied_n, speed_mps, drop)
@@ -158,7 +148,7 @@ class GripperControl:
     def holds(self) -> bool:
         """An object stopped the fingers, and no motion is under way."""
         sample = self.sample
-        return sample is not None and sample.object == "contact_closing" and not self._moves
+        return sample is not None and sample.object == "contact_closing" and not self._motion.moving
 
     @property
     def command(self) -> tuple[float | None, float | None]:
@@ -181,8 +171,12 @@ class GripperControl:
             found.append((Health.ERROR, f"{GRIP_UNKNOWN}, and stays as it is: {PUT_DOWN}"))
         if fault:
             found.append((Health.ERROR, f"{fault} is latched: look at the gripper, then: slipctl grip ack (fault.ack)"))
-        opened = sample is not None and (sample.width_m or 0.0) >= self.session.width_range_m[1] - ARRIVED_M
-        if opened and self._fingers and all(finger.presence.is_pressed() for finger in self._fingers.values()):
+        opened = (
+            sample is not None
+            and sample.object == "none"
+            and (self.width_m or 0.0) >= self.session.width_range_m[1] - ARRIVED_M
+        )
+        if opened and all(finger.presence.is_pressed() for finger in self._fingers.values()):
             found.append((Health.WARN, "it reports open fingers, and every finger measures a contact"))
         return found
 
@@ -196,39 +190,19 @@ class GripperControl:
     def _lose_sight(self) -> None:
         """Forget the reported state: others may move the gripper from here on."""
         self.grip.lose_sight()
-        self.sample = self.width_m = self._goal_m = self._goals_m = None
-
-    def _follow(self, sample: GripperSample) -> None:
-        """Find out whether the commanded motions are over; a reading may be older than the command."""
-        since_ns = sample.t_ns - self._moved_ns
-        self._seen_moving = self._seen_moving or sample.moving
-        if sample.moving or since_ns <= 0:
-            return
-        arrived = self._goal_m is not None and math.isclose(sample.width_m or 0.0, self._goal_m, abs_tol=ARRIVED_M)
-        if arrived or self._seen_moving or since_ns > LONGEST_BEGIN_NS:
-            if self._goals_m is not None and not (arrived or self._seen_moving) and self._stays(sample):
-                self.policy.latch(MOTION_IGNORED)
-            self._goals_m = None
-
-    def _stays(self, sample: GripperSample) -> bool:
-        """Return whether the fingers are where they were before the last motion, far from its goal, and not held."""
-        if self._goal_m is None or self._from_m is None or sample.width_m is None or sample.object != "none":
-            return False
-        least_m, most_m = self.session.width_range_m
-        stays = math.isclose(sample.width_m, self._from_m, abs_tol=ARRIVED_M)
-        far = abs(sample.width_m - self._goal_m) > FAR * (most_m - least_m)
-        return stays and far and all(finger.presence.is_pressed() is False for finger in self._fingers.values())
+        self._motion.forget()
+        self.sample = self.width_m = None
 
     def _situation(self, t_ns: int) -> Situation:
         """Return the input of the grip gate."""
-        sample, session = self.sample, self.session
+        sample, session, policy, fingers = self.sample, self.session, self.policy, self._fingers
         gripper = GripperState(
             answers=sample is not None,
             active=bool(self.active),
             activating=session.activating,
             fault="" if sample is None else sample.fault,
-            moving=self._moves,
-            goals_m=self._goals_m,
+            moving=self._motion.moving,
+            goals_m=self._motion.goals_m,
             closed_to_m=self.grip.closed_to_m,
             width_range_m=session.width_range_m,
             speed_range_mps=session.speed_range_mps,
@@ -236,18 +210,13 @@ class GripperControl:
             force_acknowledged_n=session.force_acknowledged_n,
             stops_at_lease_end=self._config.lease_end == "stop",
         )
-        fingers, policy = self._fingers, self.policy
         blind = tuple(name for name, finger in fingers.items() if not finger.trust.for_raise(t_ns))
         return Situation(policy.limits, policy.state(t_ns), gripper, blind, not_free(fingers, t_ns))
-
-    def _applied_n(self, force_n: float | None) -> float | None:
-        """Return the force of the gripper setting for ``force_n``, N: settings may be steps."""
-        return None if force_n is None or not math.isfinite(force_n) else self.session.applied_n(force_n)
 
     def _carry_out(self, permit: Permit, kind: IntentKind, t_ns: int) -> bool:
         """Hand a permit to the session and record its effect; return False if nothing will be sent."""
         if permit.kind == "halt":
-            self._goal_m = None
+            self._motion.excuse()
             return self.grip.undo(lambda: self.session.execute(permit, t_ns))
         self.grip.prepare()
         if not self.session.execute(permit, t_ns):
@@ -255,15 +224,16 @@ class GripperControl:
         if permit.kind == "activate":
             self._faults.activate(t_ns)
             self.grip.renew()
-            self._goal_m = self._goals_m = None
+            self._motion.forget()
             return True
         self.grip.record_sent(permit, kind, t_ns)
         if permit.kind == "move":
-            goal_m = cast("float", permit.width_m)
-            self._goal_m, self._from_m = goal_m, self.width_m
-            narrowest_m, widest_m = self._goals_m or (goal_m, goal_m)
-            self._goals_m = min(narrowest_m, goal_m), max(widest_m, goal_m)
-            self._moves, self._seen_moving, self._moved_ns = True, False, t_ns
+            self._motion.begin(
+                goal_m=cast("float", permit.width_m),
+                from_m=self.width_m,
+                slowest_mps=permit.speed_mps or (self.session.speed_range_mps or (math.inf,))[0],
+                t_ns=t_ns,
+            )
         return True
 
     def _drop(self) -> None:
@@ -273,12 +243,11 @@ class GripperControl:
 
 
 def _limits(config: GripperConfig) -> GripLimits:
-    budget_n = config.max_force_n if config.budget_n is None else config.budget_n
     return GripLimits(
         min_n=config.min_force_n or 0.0,
         max_n=config.max_force_n,
         step_n=config.step_n,
         raise_n_per_s=config.raise_n_per_s,
         lower_n_per_s=config.lower_n_per_s,
-        budget_n=budget_n or 0.0,
+        budget_n=(config.max_force_n if config.budget_n is None else config.budget_n) or 0.0,
     )

@@ -6,12 +6,14 @@ from typing import Any
 
 import pytest
 from engine_rig import LEFT, MOVES, RIG, Run
+from motions.cell_steps import until
 from nanoseconds import MS
 from run_courses import (
     Step,
     ask,
     bring_up,
     commanded,
+    count,
     down,
     feel,
     follow,
@@ -133,7 +135,7 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
             *HELD,
             gripper(silent=True),
             ask("grip.adjust", delta_n=0.5),
-            lambda run: serve_until_latched(run),
+            until(lambda run: run.published("gripper")[-1]["latched_fault"], [serve(5)]),
             newest("gripper", latched_fault="command_lost"),
             newest("status", gripper={"latched_fault": "command_lost"}),
             gripper(silent=False),
@@ -183,7 +185,8 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
             lease,
             wait(201),
             ask("lease.acquire", ttl_ms=200, **BEN),
-            lambda run: check_held(run, [False]),
+            count("gripper", 1),
+            newest("gripper", lease={"held": False}),
             ask("lease.release", **BEN),
             bring_up,
             wrote(),
@@ -219,16 +222,6 @@ def check_first_echoes(run: Run) -> None:
     found = [body["latched_fault"] for body in run.published("gripper")]
     end = found.index("echo_mismatch") + 1
     assert [body["echo_ok"] for body in run.published("gripper")[end - 4 : end]] == [True, False, False, False]
-
-
-def serve_until_latched(run: Run) -> None:
-    while not run.published("gripper")[-1]["latched_fault"]:
-        run.serve_gripper(5)
-        assert run.t_ns < 110_000 * MS
-
-
-def check_held(run: Run, expected: list[bool]) -> None:
-    assert [body["lease"]["held"] for body in run.published("gripper")] == expected
 
 
 @pytest.mark.parametrize("name", COURSES)
