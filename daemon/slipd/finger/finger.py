@@ -23,7 +23,7 @@ from slipd.finger.force_channel import ForceChannel, WrenchBatch
 from slipd.finger.force_image_check import NO_SUMMARY, ForceImageCheck
 from slipd.finger.freshness import PROMPT, Arrival, Read, pop_served
 from slipd.finger.image_channel import STALE, ImageChannel
-from slipd.finger.trust import ContactPresence, Trust
+from slipd.finger.trust import ContactPresence, Trust, is_trusted
 from slipd.finger.verdict import PAD_FREE, ROTATION_UNOBSERVED, STREAM_STALE, Verdict
 from slipd.fusion.contact_state import WrenchUncertainty
 from slipd.fusion.recent_forces import mean_wrench
@@ -332,7 +332,7 @@ class Finger:
             The state of the newest reading with it; None where that reading does not touch, or is not trusted.
         """
         state = self.state
-        if state.reading is None or state.phase != TOUCHING or not self.trust.newest:
+        if state.reading is None or state.phase != TOUCHING or not is_trusted(state.verdict):
             return None
         reading = state.reading.copy()
         found = reading["assessment"]

@@ -46,11 +46,6 @@ class Trust:
         self._finger = finger
         self._oldest_ns, self._oldest_image_ns = _oldest_ns(streams[0]), _oldest_ns(streams[-1])
 
-    @property
-    def newest(self) -> bool:
-        """The newest force reading is fresh, and its sensor shows no fault."""
-        return is_trusted(self._finger.state.verdict)
-
     def for_raise(self, t_ns: int) -> bool:
         """Return whether a grip may be raised at ``t_ns``: readings and images are fresh, usable and trusted.
 
@@ -76,7 +71,7 @@ class Trust:
             return False
         if freshness.is_stale(t_ns) or freshness.received_ns - freshness.acquired_ns > freshness.stale_ns:
             return False
-        return self.newest and t_ns - freshness.acquired_ns <= self._oldest_ns
+        return is_trusted(self._finger.state.verdict) and t_ns - freshness.acquired_ns <= self._oldest_ns
 
 
 def _oldest_ns(stream: Stream) -> int:

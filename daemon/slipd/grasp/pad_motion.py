@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slipd.finger.finger import Finger
+from slipd.finger.trust import is_trusted
 from slipd.motion.evidence import REPORTED_NS, SAME_SHARE, Evidence
 from slipd.types.arrays import Array
 
@@ -226,7 +227,7 @@ def _load(finger: Finger) -> tuple[float, float] | None:
     what this grasp taught: a look is compared with what was carried before it.
     """
     contact, distribution, friction = finger.state.contact, finger.state.load_distribution, finger.friction
-    if contact is None or distribution is None or math.isnan(contact.spin_nm) or not finger.trust.newest:
+    if contact is None or distribution is None or math.isnan(contact.spin_nm) or not is_trusted(finger.state.verdict):
         return None
     stated = friction.stated
     if stated is None:

@@ -21,6 +21,7 @@ from slipd.events import Output, WallClock
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState, VerdictBatch
 from slipd.finger.freshness import Read
+from slipd.finger.trust import is_trusted
 from slipd.publish.finger_messages import FingerPublisher
 from slipd.publish.message_sequencer import MessageSequencer
 from slipd.types.samples import TactileSample, WrenchSample
@@ -73,7 +74,11 @@ class Split:
             at += size
         self.reported.append(
             repr(
-                (self.finger.presence.is_pressed(), self.finger.trust.newest, self.finger.freshness.age_s(times_ns[-1]))
+                (
+                    self.finger.presence.is_pressed(),
+                    is_trusted(self.finger.state.verdict),
+                    self.finger.freshness.age_s(times_ns[-1]),
+                )
             )
         )
 

@@ -14,6 +14,7 @@ from plain_kernels import run_without_compilation
 from slipd.finger import force_image_check
 from slipd.finger.finger import Finger
 from slipd.finger.stream_health import finger_conditions
+from slipd.finger.trust import is_trusted
 from slipd.publish.finger_messages import slip_body
 from slipd.types.samples import TactileSample, WrenchSample
 from slipd_client.messages import Health
@@ -112,7 +113,7 @@ def test_old_image_does_not_end_a_disagreement(finger: Finger, press: Press, mon
         state = press(5.0, (0.1, 0.0), 0.0, (0.006, 0.006), counts=corner)
     state = press(5.0, (0.1, 0.0), 0.0, (0.006, 0.006), ms=25.0, counts=None)
     assert state.load_distribution is not None
-    assert not finger.trust.newest
+    assert not is_trusted(finger.state.verdict)
     finger.check_silence(state.t_ns + 6 * MS)
     assert not finger.trust.for_raise(state.t_ns + 6 * MS)
     assert verdict(finger.state) == verdict(state)
