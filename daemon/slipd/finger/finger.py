@@ -142,9 +142,9 @@ class Finger:
         samples, times_ns, arrival, _ = read
         force.begin_read(times_ns[0], arrival)
         if not force.tare.busy:
-            return (self._judge(force.condition(samples, times_ns, self._is_untouched, received_ns), arrival),)
+            return (self._judge(force.condition(samples, times_ns, self._may_learn_zero, received_ns), arrival),)
         return (
-            self._judge(force.condition((sample,), (time_ns,), self._is_untouched, received_ns), arrival)
+            self._judge(force.condition((sample,), (time_ns,), self._may_learn_zero, received_ns), arrival)
             for sample, time_ns in zip(samples, times_ns, strict=True)
         )
 
@@ -221,10 +221,10 @@ class Finger:
             self._guard.check_load()
         return batch
 
-    def _is_untouched(self) -> bool | None:
+    def _may_learn_zero(self) -> bool | None:
         """Return whether nothing touches the finger; None: unknown."""
         disagreement = self._check is not None and bool(self._check.disagreement)
-        return self.presence.is_untouched(disagreement=disagreement)
+        return self.presence.may_learn_zero(disagreement=disagreement)
 
     # What verdicts depend on, noted where it changes
 

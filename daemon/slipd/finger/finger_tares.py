@@ -65,7 +65,7 @@ class Tares:
                 return Refusal("not_ready", f"finger {name} has no fresh {stream} readings to average", "finger")
         if self.finger.presence.is_pressed_without(self.channels) is True:
             message = f"finger {name} is in contact: a tare would erase its load"
-            if self.finger.force is not None and not self.finger.presence.is_measured():
+            if self.finger.force is not None and not self.finger.presence.is_pressed_by_force():
                 message += "; only its pad shows this: if nothing touches it, tare the pad, or raise its threshold"
             return Refusal("in_contact", message, "finger")
         if self.finger.presence.is_pulled() and self.finger.main_stream in self.channels and not unloaded:
@@ -133,5 +133,5 @@ class TareGuard:
             main.abort("contact")
         elif main.busy and presence.is_pulled() and not self.unloaded:
             main.abort("pulled")
-        if image is not None and image.tare.busy and presence.is_measured():
+        if image is not None and image.tare.busy and presence.is_pressed_by_force():
             image.tare.abort("contact")

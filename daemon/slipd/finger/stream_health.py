@@ -38,7 +38,7 @@ def finger_conditions(finger: Finger, stream: str, t_ns: int) -> list[Condition]
     found = force_conditions(channel, t_ns) if isinstance(channel, ForceChannel) else image_conditions(channel)
     if finger.state.verdict is PAD_PULLED and stream == finger.main_stream:
         found.append(_pulled(finger))
-    if stream == "wrench" and finger.presence.is_denied_by_force():
+    if stream == "wrench" and finger.presence.is_missed_by_force():
         found.append((Health.WARN, "it measures no contact, and the pad image shows one: no grip is raised"))
     return found
 
@@ -52,7 +52,7 @@ def _pulled(finger: Finger) -> Condition:
     if finger.force is None:
         return Health.ERROR, text + "the signs of axis_scale, and tare it"
     text += "sign, pad_from_sensor (quat_xyzw is in the order x, y, z, w) and the sensor's own configuration"
-    if finger.presence.shown_by_image():
+    if finger.presence.is_pressed_by_image():
         text += "; the pad image shows a contact, so the force sensor is wrong"
     elif not finger.zero_known:
         text += "; if it is the bias of an unloaded sensor, tare it with unloaded = true"

@@ -52,7 +52,7 @@ class Trust:
         A repeated reading of a sensor whose readings may rest is not enough: one that hangs looks the same. Nor is a
         force sensor that measures nothing of what its pad shows.
         """
-        return self._allows(t_ns, at_rest=False) and not self._finger.presence.is_denied_by_force()
+        return self._allows(t_ns, at_rest=False) and not self._finger.presence.is_missed_by_force()
 
     def for_opening(self, t_ns: int) -> bool:
         """Return whether a gripper may open at ``t_ns``, because readings are trusted that show nothing gripped.
@@ -80,7 +80,7 @@ def _oldest_ns(stream: Stream) -> int:
 
 
 class ContactPresence:
-    """Whether something presses on the pad of one finger.
+    """Whether something presses on the pad of one finger: as both sensors show it, or one alone, or for one purpose.
 
     Args:
         finger: The finger.
@@ -91,25 +91,20 @@ class ContactPresence:
         self._clear_n = CLEAR * finger.config.min_normal_n
 
     def is_pressed(self) -> bool | None:
-        """Return whether something presses; None: unknown.
+        """Return whether something presses, as both sensors show it together; None: unknown.
 
         A force sensor that was never tared reads its own bias as a contact, so until then only the image counts.
         """
-        finger, shown = self._finger, self.shown_by_image()
-        if shown or (finger.zero_known and finger.in_contact):
+        finger, by_image = self._finger, self.is_pressed_by_image()
+        if by_image or (finger.zero_known and finger.in_contact):
             return True
         state = finger.state
         if not finger.zero_known:
-            return shown if state.verdict == UNTARED else None
+            return by_image if state.verdict == UNTARED else None
         return False if finger.level == PAD_FREE.level else None
 
-    def is_pulled(self) -> bool:
-        """Return whether the normal force is clearly negative; the counts of a pad without a tare do not show that."""
-        finger = self._finger
-        return finger.state.verdict is PAD_PULLED and (finger.force is not None or finger.zero_known)
-
-    def is_measured(self) -> bool | None:
-        """Return whether the force sensor alone measures a contact; None also where there is no such sensor.
+    def is_pressed_by_force(self) -> bool | None:
+        """Return whether something presses, as the force sensor alone shows it; None: unknown, or there is none.
 
         It decides while the pad in front of the sensor is tared, because the image has no zero yet.
         """
@@ -118,31 +113,25 @@ class ContactPresence:
             return None
         return finger.in_contact or (False if finger.level == PAD_FREE.level else None)
 
+    def is_pressed_by_image(self) -> bool | None:
+        """Return whether something presses, as a fresh image alone shows it beside a force sensor; None: unknown."""
+        image, freshness = self._finger.image, self._finger.freshness
+        if image is None or self._finger.force is None or image.tare.busy:
+            return None
+        return image.shows_contact() if image.is_fresh(freshness.received_ns, freshness.unread_ns) else None
+
     def is_pressed_without(self, streams: Collection[str]) -> bool | None:
         """Return whether something presses, without the streams that are about to be tared: "wrench", "pad" or both."""
         finger = self._finger
         if finger.force is None or "pad" not in streams:
             return self.is_pressed()
-        measured = self.is_measured()
+        by_force = self.is_pressed_by_force()
         if "wrench" not in streams:
-            return measured
-        shown = self.shown_by_image() if finger.image is not None and finger.image.zero.known else None
-        if measured or shown:
+            return by_force
+        by_image = self.is_pressed_by_image() if finger.image is not None and finger.image.zero.known else None
+        if by_force or by_image:
             return True
-        return None if measured is None and shown is None else False
-
-    def is_untouched(self, *, disagreement: bool) -> bool | None:
-        """Return whether nothing touches the finger, so that its zero may be learned; None: unknown.
-
-        A known image decides together with the force: a force that the image does not show is not taken for a zero.
-        """
-        state = self._finger.state
-        if disagreement or state.contact is None:
-            return None
-        shown = self.shown_by_image()
-        if shown is None:
-            return True if state.verdict is PAD_FREE else None
-        return not shown and state.contact.normal_n < self._clear_n
+        return None if by_force is None and by_image is None else False
 
     def is_free_by_image(self) -> bool:
         """Return whether fresh, reliable images of a pad with a known zero show by themselves that nothing presses.
@@ -152,16 +141,9 @@ class ContactPresence:
         image = self._finger.image
         if image is None or not image.zero.tared or not image.is_reliable(at_rest=True):
             return False
-        return self.shown_by_image() is False and (image.t_ns or 0) - image.pressed_ns > FREE_NS
+        return self.is_pressed_by_image() is False and (image.t_ns or 0) - image.pressed_ns > FREE_NS
 
-    def shown_by_image(self) -> bool | None:
-        """Return whether a fresh image beside a force sensor shows a contact; None: unknown."""
-        image, freshness = self._finger.image, self._finger.freshness
-        if image is None or self._finger.force is None or image.tare.busy:
-            return None
-        return image.shows_contact() if image.is_fresh(freshness.received_ns, freshness.unread_ns) else None
-
-    def is_denied_by_force(self) -> bool:
+    def is_missed_by_force(self) -> bool:
         """Return whether the image shows a clear contact, of which the force sensor measures nothing, or nothing more.
 
         Without the contact that the force sensor lost, only a fresh image in newtons shows that.
@@ -169,8 +151,26 @@ class ContactPresence:
         finger, image = self._finger, self._finger.image
         if image is None or finger.in_contact:
             return False
-        shown = finger.image_in_newtons and bool(self.shown_by_image() and image.pressure.sum() > self._clear_n)
+        shown = finger.image_in_newtons and bool(self.is_pressed_by_image() and image.pressure.sum() > self._clear_n)
         return shown or "disagreement_contact" in finger.state.verdict.reasons
+
+    def is_pulled(self) -> bool:
+        """Return whether the normal force is clearly negative; the counts of a pad without a tare do not show that."""
+        finger = self._finger
+        return finger.state.verdict is PAD_PULLED and (finger.force is not None or finger.zero_known)
+
+    def may_learn_zero(self, *, disagreement: bool) -> bool | None:
+        """Return whether the zero may be learned, because nothing touches the finger; None: unknown.
+
+        A known image decides together with the force: a force that the image does not show is not taken for a zero.
+        """
+        state = self._finger.state
+        if disagreement or state.contact is None:
+            return None
+        by_image = self.is_pressed_by_image()
+        if by_image is None:
+            return True if state.verdict is PAD_FREE else None
+        return not by_image and state.contact.normal_n < self._clear_n
 
     def contact_force_n(self, t_ns: int) -> float | None:
         """Return the normal force of a contact at ``t_ns``, N; None without contact, or where the force is not trusted.

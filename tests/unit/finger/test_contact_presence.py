@@ -42,15 +42,15 @@ def test_what_presses_by_force_and_image(
     read_force(untared, wrench(T0 + age_ms * MS, normal_n))
     found = (
         untared.presence.is_pressed(),
-        untared.presence.is_measured(),
+        untared.presence.is_pressed_by_force(),
         untared.presence.is_pressed_without({"wrench": 0}),
         untared.presence.is_pressed_without({"pad": 0}),
         untared.presence.is_pressed_without({"wrench": 0, "pad": 0}),
-        untared.presence.is_untouched(disagreement=False),
+        untared.presence.may_learn_zero(disagreement=False),
         untared.presence.is_free_by_image(),
     )
     assert found == known
-    assert untared.presence.is_untouched(disagreement=True) is None
+    assert untared.presence.may_learn_zero(disagreement=True) is None
 
 
 def test_without_a_pad_the_force_alone_shows_a_contact(left: str, parse: Parse, wrench: Wrench) -> None:
