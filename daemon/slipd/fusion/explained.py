@@ -50,8 +50,11 @@ def is_explained(drop: Row, ring: Rows, p: int, top: int, b: int, low: float, hi
 
 
 @compiled_part
-def is_carried(drop: Row, ring: Rows, p: int, top: int) -> bool:
-    """Return whether the force has followed the motion of the arm since before a jump.
+def is_arm_made(drop: Row, ring: Rows, p: int, top: int) -> bool:
+    """Return whether the arm made q jump.
+
+    It did if the force has followed the motion of the arm since before the jump, or if the turn about the normal of the
+    pad changed since then: that jerks the spin by the inertia of the object, which γ does not show.
 
     Args:
         drop: State.
@@ -63,6 +66,8 @@ def is_carried(drop: Row, ring: Rows, p: int, top: int) -> bool:
     if max(drop["unfelt"], drop["block"] - drop["count"]) > top - b:
         return False
     now, then = mean_motion(ring, drop["block"], 1), mean_motion(ring, top, b)
+    if abs(now[2] - mean_motion(ring, top, LEVEL)[2]) > TURNED_RADPS:
+        return True
     return _unexplained(drop, ring, p, 1, top, b) * math.hypot(*then[:2]) <= FOLLOWS * math.hypot(*now[:2])
 
 

@@ -136,3 +136,9 @@ def test_a_jump_that_the_arm_makes_is_no_slip(load: Array, felt: Array, explaine
     felt = felt[: load.size]
     (at,) = slips(load, np.full(load.size, np.nan))
     assert slips(load, felt) == ([] if explained else [at])
+
+
+@pytest.mark.parametrize(("turn_radps", "made"), [(0.5, True), (0.05, False)])
+def test_a_jump_while_the_turn_of_the_arm_changes_is_no_slip(turn_radps: float, made: bool) -> None:
+    found = slips(JUMP, STILL[: JUMP.size], turn_radps=stepped(0.0, turn_radps, 500, JUMP.size))
+    assert bool(found) is not made
