@@ -1,15 +1,13 @@
-"""A load that asks for more friction than there is: how the force path sees a heavy object turn in the grip.
+"""A load that takes up less than the arm asks for: how the force path sees an object turn in a grip that moves.
 
-The weight of an object that sticks, and the force that accelerates it, act at its centre of mass. While that force
-keeps its direction, force and spin grow in proportion, and so does the required friction q. An object that turns in the
-grip, or slides, does not take up all of it: q stays at the limit of friction though the load grows. The tangential
-force shows how the load grows, since it mostly follows the arm even while an object turns; so does the motion of the
-arm, where it is known. It is a slip only if
+Weight and inertia of an object that sticks act at its centre of mass. While the apparent gravity γ of the arm keeps its
+direction, force and spin are proportional to it, and so is the required friction q. An object that turns in the grip,
+or slides, does not take up all of it: q stays at the limit of friction though γ grows. No fall shows this, and most
+often the force goes on to follow the arm. It is a slip only if
 
 - q is flat, near the largest that this grasp carried without motion, and not far from the coefficient of friction,
-- two stretches before ask for clearly more, and agree,
-- the lag is more than the noise explains at the stated rate of false alarms, and more than twice any swing of the last
-  second.
+- two stretches before ask for clearly more than was carried, and agree,
+- the lag is more than the noise explains at the stated rate of false alarms, and more than any recent swing.
 """
 
 from __future__ import annotations
@@ -25,22 +23,18 @@ from slipd.fusion.load_blocks import (
     QUICK_S,
     RING,
     ROUGH,
-    mean_force,
     mean_normal,
     mean_q,
     noise_of,
     vibration,
 )
 from slipd.fusion.rows import Row, Rows
-from slipd.fusion.slide import FLAT, FROM, NEAR, SWINGS, begin_slide, surprise_of
-
-ASIDE = 0.3
-"""A force keeps its direction if its part across the direction before is at most this part of that along it."""
+from slipd.fusion.slide import FLAT, FROM, NEAR, begin_slide, surprise_of
 
 
 @compiled_part
 def look_for_lag(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
-    """Begin a slip if q lags behind what the load asks for since a stretch before."""
+    """Begin a slip if q lags behind what the motion of the arm asks for."""
     k, dt = drop["block"], drop["dt"]
     p = max(2, int(QUICK_S / dt + 0.5))
     if k % max(1, int(BRIEF_S / dt + 0.5)):
@@ -48,14 +42,12 @@ def look_for_lag(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
     q = mean_q(ring, k, p)
     change = abs(q - mean_q(ring, k - p, p))
     for top in (k - 2 * p, k - 3 * p):
-        carried = ring[top % RING]["carried"]
+        carried, swing = ring[top % RING]["carried"], ring[top % RING]["swing"]
         if k - top + 2 * p > drop["count"] or not q > FROM * mu or q < (1.0 - CHANGES) * carried:
             return
         late, early = _asked(drop, ring, p, top), _asked(drop, ring, p, top - p)
-        lag = min(late, early) - q
-        if lag < max(CHANGES * q, SWINGS * ring[top % RING]["swing"]):
-            continue
-        if abs(late - early) > MOSTLY * lag or change > FLAT * lag:
+        lag = min(late, early) - max(q, carried)
+        if lag < max(CHANGES * q, swing) or abs(late - early) > MOSTLY * lag or change > FLAT * lag:
             continue
         std, rough = noise_of(drop) * math.hypot(1.0, late / mean_q(ring, top, p)), vibration(drop, drop["rough"])
         surprise = surprise_of(lag, math.sqrt(std * std / p + ROUGH * rough * rough))
@@ -66,19 +58,16 @@ def look_for_lag(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
 
 @compiled_part
 def _asked(drop: Row, ring: Rows, p: int, end: int) -> float:
-    """Return q of the newest ``p`` blocks if it had grown with the load since the ``p`` blocks up to ``end``.
-
-    The load is the tangential force or, where the arm is known, its apparent gravity if that grew more; per normal
-    force.
+    """Return q of the newest ``p`` blocks if it grew with γ, per normal force, since the ``p`` blocks up to ``end``.
 
     Returns:
-        That q; 0 where the force did not keep its direction.
+        That q; 0 where γ was not known all the time, or did not keep its direction.
     """
     k = drop["block"]
-    growth, aside = ratio(*mean_force(ring, k, p), *mean_force(ring, end, p))
-    if not abs(aside) <= ASIDE * growth:
+    if drop["unfelt"] > end - p:
         return 0.0
-    if drop["unfelt"] <= end - p:
-        felt, felt_before = mean_motion(ring, k, p), mean_motion(ring, end, p)
-        growth = max(growth, ratio(felt[0], felt[1], felt_before[0], felt_before[1])[0])
+    now, then = mean_motion(ring, k, p), mean_motion(ring, end, p)
+    growth, aside = ratio(now[0], now[1], then[0], then[1])
+    if not abs(aside) <= MOSTLY * growth:
+        return 0.0
     return float(growth * mean_normal(ring, end, p) / mean_normal(ring, k, p) * mean_q(ring, end, p))
