@@ -33,6 +33,7 @@ from slipd.motion.image_blocks import Block, ImageBlocks
 from slipd.motion.image_fit import ImageComparison
 from slipd.motion.image_shift import ImageShift
 from slipd.signals.charge_reconstruction import ChargeReconstruction
+from slipd.signals.force_image_agreement import Agreement
 from slipd.signals.pad import PadGeometry
 from slipd.signals.taxel_blocks import BLOCK_NS, WINDOW
 from slipd.signals.taxel_health import TaxelHealth
@@ -142,7 +143,8 @@ def warm_up() -> None:
     """Call each kernel with arrays of the types that a run uses; with a warm cache this takes some 10 ms."""
     x, y = np.array((0.0, 0.01, 0.0, 0.01)), np.array((0.0, 0.0, 0.01, 0.01))
     move_to_pad(new_readings([(0.0,) * 6], [0]), ContactState(Levels(), Slip(), 0.0, 0.5).row)
-    contact_from_wrench((0.1, 0.0, -1.0), (0.0, 0.0, 0.001))
+    contact = contact_from_wrench((0.1, 0.0, -1.0), (0.0, 0.0, 0.001))
+    Agreement(2, 2, 0.01, 0.5).update(0, contact, 0.02, x, y, np.ones(4))
     charge = ChargeReconstruction(4, 1.0)
     charge.update(np.zeros(4), 0.0, True)
     charge.update(np.ones(4), 0.01, False)

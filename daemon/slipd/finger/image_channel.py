@@ -21,7 +21,7 @@ from slipd.fusion.shape import shape_of
 from slipd.fusion.streaming import first_contact, new_readings
 from slipd.signals.charge_reconstruction import ChargeReconstruction
 from slipd.signals.frozen import MOST, WrenchWatch
-from slipd.signals.pad import PadGeometry, taxel_wrench
+from slipd.signals.pad import PadGeometry, loads_above, taxel_wrench
 from slipd.signals.tare import LARGEST_READING
 from slipd.signals.taxel_health import FrozenImage, TaxelHealth
 from slipd.types.arrays import Array
@@ -125,7 +125,7 @@ class ImageChannel:
             self._forces, values = values, -values[:, 2]
         self.loads, self._usable, self._distributed = values, not self.reasons, False
         self.is_independent = self._usable and not assumed_free
-        self.pressure = np.where(values > self._threshold, values, 0.0) if self._usable else np.zeros_like(values)
+        self.pressure = loads_above(values, self._threshold) if self._usable else np.zeros_like(values)
         self.t_ns, self.status = t_ns, sample.status
         freshness = self.freshness
         freshness.update(sample.t_ns, t_ns, arrival)

@@ -23,7 +23,9 @@ import math
 import numpy as np
 
 from slipd.fusion import Contact
-from slipd.types.arrays import Array
+from slipd.fusion.compiled import compiled
+from slipd.signals.pad import STEPS, neighbours
+from slipd.types.arrays import Array, Indices
 
 INNER_PITCHES = 0.5
 """Tolerance of the centroid, in pitches, with an inner taxel."""
@@ -45,6 +47,8 @@ KEPT, GONE = 0.75, 0.25
 """A force sensor that falls from a clear contact to none between two images has failed if the image keeps the first
 share of its sum; the contact lasts until the image falls below the second. A release leaves about a tenth."""
 
+_SIDES = [k for k, (down, right) in enumerate(STEPS) if down == 0 or right == 0]
+
 
 class Agreement:
     """Compares the force sensor and the image of one finger.
@@ -64,7 +68,7 @@ class Agreement:
     """
 
     def __init__(self, rows: int, cols: int, pitch_m: float, least_n: float, gain_error: float | None = None) -> None:
-        self._grid = rows, cols
+        self._sides = np.ascontiguousarray(neighbours(rows, cols)[:, _SIDES])
         self._pitch_m, self._least_n, self._gain_error = pitch_m, least_n, gain_error
         self._before: Contact | None = None
         self._since_ns: int | None = None
@@ -90,9 +94,9 @@ class Agreement:
         Returns:
             `reported`.
         """
-        total = float(pressure.sum())
+        total, x_sum, y_sum, inner = _moments(x, y, pressure, self._sides)
         if contact.valid:
-            now = self._differences(contact, force_std_n, x, y, pressure, total)
+            now = self._differences(contact, force_std_n, total, x_sum, y_sum, inner)
             if contact.normal_n > CLEAR * self._least_n:
                 self.shown = total if math.isfinite(total) else 0.0
             elif not self.reported:
@@ -124,17 +128,15 @@ class Agreement:
         self._before, self._since_ns, self._images = None, None, 0
 
     def _differences(
-        self, contact: Contact, force_std_n: float, x: Array, y: Array, pressure: Array, total: float
+        self, contact: Contact, force_std_n: float, total: float, x_sum: float, y_sum: float, inner: int
     ) -> tuple[str, ...]:
         if not math.isfinite(total):
             return ()
         if total <= 0.0:
             return ("contact",) if contact.normal_n > CLEAR * self._least_n else ()
         before = self._before or contact
-        active, found = (pressure > 0.0).reshape(self._grid), []
-        between = active[:-2] & active[1:-1] & active[2:]  # the taxels above and below are active too
-        inner = np.count_nonzero(between[:, 1:-1] & active[1:-1, :-2] & active[1:-1, 2:])
-        away_m = math.hypot(pressure @ x / total - contact.cx_m, pressure @ y / total - contact.cy_m)
+        found = []
+        away_m = math.hypot(x_sum / total - contact.cx_m, y_sum / total - contact.cy_m)
         # since the last image, whose time is not quite this
         moved_m = math.hypot(contact.cx_m - before.cx_m, contact.cy_m - before.cy_m)
         pitches = INNER_PITCHES if inner else OUTER_PITCHES
@@ -147,3 +149,25 @@ class Agreement:
             if abs(total - contact.normal_n) > tolerance * max(total, contact.normal_n) + least:
                 found.append("force")
         return tuple(found)
+
+
+@compiled
+def _moments(x: Array, y: Array, pressure: Array, sides: Indices) -> tuple[float, float, float, int]:
+    """Return Σ p, Σ p x and Σ p y of an image, and its number of inner taxels.
+
+    Args:
+        x: Centres of the taxels, shape (n,), m.
+        y: Likewise, shape (n,), m.
+        pressure: Readings, shape (n,); a taxel is active when positive.
+        sides: The four side neighbours of each, shape (n, 4); −1 beyond the border.
+    """
+    total, x_sum, y_sum, inner = 0.0, 0.0, 0.0, 0
+    for i in range(len(pressure)):
+        total += pressure[i]
+        x_sum += pressure[i] * x[i]
+        y_sum += pressure[i] * y[i]
+        within = pressure[i] > 0.0
+        for side in sides[i]:
+            within = within and side >= 0 and pressure[side] > 0.0
+        inner += int(within)
+    return total, x_sum, y_sum, inner

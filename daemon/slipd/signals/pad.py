@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from slipd.fusion.compiled import compiled
 from slipd.types.arrays import Array, Indices
 
 STEPS = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
@@ -79,6 +80,16 @@ def neighbours(rows: int, cols: int) -> Indices:
     framed[1:-1, 1:-1] = np.arange(rows * cols).reshape(rows, cols)
     shifted = [framed[1 + down : 1 + down + rows, 1 + right : 1 + right + cols].ravel() for down, right in STEPS]
     return np.stack(shifted, axis=1)
+
+
+@compiled
+def loads_above(loads: Array, threshold: float) -> Array:
+    """Return the loads above a threshold, with 0 in place of the others, shape (n,)."""
+    found = np.zeros(len(loads))
+    for k in range(len(loads)):
+        if loads[k] > threshold:
+            found[k] = loads[k]
+    return found
 
 
 def taxel_wrench(x: Array, y: Array, forces: Array) -> tuple[Array, Array]:

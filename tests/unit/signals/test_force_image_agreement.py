@@ -11,7 +11,9 @@ from nanoseconds import MS
 from pad_wrenches import pad_wrench
 
 from slipd.fusion import Contact, contact_from_wrench, tipping_margin
+from slipd.signals import force_image_agreement
 from slipd.signals.force_image_agreement import Agreement
+from slipd.signals.pad import neighbours
 from slipd.tools.sim.scene_parts import Pad, Patch
 
 PAD = Pad()
@@ -196,3 +198,11 @@ def test_N1_an_image_that_is_no_number_is_not_compared(bad: float) -> None:
         assert agreement.update(10 * MS * k, quiet(5.0), 0.02, X, Y, broken if k % 2 else image) == ()
     nothing = contact_from_wrench(np.full(3, bad), np.zeros(3))
     assert said(1, nothing, image, agreement, begin=200) + said(1, quiet(5.0), image, agreement, begin=210) == [(), ()]
+
+
+def test_a_taxel_is_inner_where_its_four_sides_are_active() -> None:
+    compiled = force_image_agreement._moments
+    sides = np.ascontiguousarray(neighbours(3, 4)[:, (1, 3, 4, 6)])
+    image = np.array(((0.0, 1.0, 1.0, 1.0), (1.0, 2.0, 3.0, 0.0), (0.0, 1.0, 1.0, 0.0)))
+    for moments in (compiled, getattr(compiled, "py_func", compiled)):
+        assert moments(np.arange(12.0), np.ones(12), image.ravel(), sides) == (11.0, 57.0, 11.0, 1)

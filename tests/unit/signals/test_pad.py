@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose, assert_array_equal
 
-from slipd.signals.pad import STEPS, PadGeometry, neighbours, taxel_wrench
+from slipd.signals.pad import STEPS, PadGeometry, loads_above, neighbours, taxel_wrench
+from slipd.types.arrays import Array
 
 
 def test_a_pad_is_read_row_by_row_with_its_columns_along_x() -> None:
     x, y = PadGeometry(2, 3, 0.01, 0.004).positions()
     assert_allclose(x, (-0.01, 0.0, 0.01, -0.01, 0.0, 0.01))
     assert_allclose(y, (-0.005, -0.005, -0.005, 0.005, 0.005, 0.005))
+
+
+@pytest.mark.parametrize("above", [loads_above, getattr(loads_above, "py_func", loads_above)])
+def test_a_taxel_is_active_above_the_threshold(above: Callable[[Array, float], Array]) -> None:
+    assert above(np.array((0.2, 0.3, -1.0, 0.4)), 0.3).tolist() == [0.0, 0.0, 0.0, 0.4]
 
 
 @given(data=st.data(), taxels=st.integers(1, 20))
