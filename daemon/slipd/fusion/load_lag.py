@@ -19,6 +19,7 @@ from slipd.fusion.explained import mean_motion, ratio
 from slipd.fusion.load_blocks import (
     BRIEF_S,
     CHANGES,
+    LEVEL,
     MOSTLY,
     QUICK_S,
     RING,
@@ -66,8 +67,9 @@ def _asked(drop: Row, ring: Rows, p: int, end: int) -> float:
     k = drop["block"]
     if drop["unfelt"] > end - p:
         return 0.0
-    now, then = mean_motion(ring, k, p), mean_motion(ring, end, p)
+    now, then, soon = mean_motion(ring, k, p), mean_motion(ring, end, p), mean_motion(ring, end + LEVEL, p)
     growth, aside = ratio(now[0], now[1], then[0], then[1])
     if not abs(aside) <= MOSTLY * growth:
         return 0.0
+    growth = min(growth, ratio(now[0], now[1], soon[0], soon[1])[0])  # the stream may lag by some milliseconds
     return float(growth * mean_normal(ring, end, p) / mean_normal(ring, k, p) * mean_q(ring, end, p))
