@@ -5,9 +5,7 @@ a change over that before is γ after over γ before, in length and in direction
 Friction of an object that slides does not follow γ.
 
 The spin need not follow: where the centre of mass is aside, the object swings on its soft pads after the arm has moved,
-so that the required friction falls and jumps. Only a fall while the arm keeps its motion shows a slip by rotation, and
-only a jump that comes while it does shows a slip at all: an object that is lifted by an arm that accelerates has jumps
-of its own. What a moving arm asks for in vain is looked for by `slipd.fusion.load_lag`.
+so that the required friction falls and jumps. Only a fall while the arm keeps its motion shows a slip by rotation.
 """
 
 from __future__ import annotations
@@ -24,8 +22,10 @@ less than 0.3 where the object sticks, and more than 0.6 where it slides."""
 MOVED, TURNED_RADPS = 0.05, 0.1
 """The arm has moved if the apparent gravity changed by this part, or the speed of its turn about the normal of the pad
 by so much."""
-SWINGS_S = 0.1
-"""After a motion of the arm, the object may begin to swing for this long, s."""
+CARRIED_S, FOLLOWS = 0.1, 0.15
+"""An object was carried if its force has followed the apparent gravity for the first value, s, within the second, a
+part of it. In simulated grasps an object that sticks stays within 0.14; one that slides as it is lifted leaves 0.45 or
+more. For CARRIED_S after a motion of the arm the object may begin to swing back."""
 
 
 @compiled_part
@@ -43,18 +43,40 @@ def is_explained(drop: Row, ring: Rows, p: int, top: int, b: int, low: float, hi
         low: Mean q of the former.
         high: Mean q of the latter.
     """
-    if drop["unfelt"] > top - b or not has_moved(drop, ring, top):
+    if drop["unfelt"] > top - b or not _has_moved(drop, ring, top):
         return False
     left = min(_unexplained(drop, ring, p, p, top, b), _unexplained(drop, ring, p, 1, top, b))
     return left <= LEFT * (1.0 - low / high)
 
 
 @compiled_part
-def has_moved(drop: Row, ring: Rows, top: int) -> bool:
-    """Return whether the motion of the arm changed since shortly before block ``top``; False where it is not known."""
+def is_arm_made(drop: Row, ring: Rows, p: int, top: int) -> bool:
+    """Return whether the arm made q jump.
+
+    It did if the force has followed the motion of the arm since before the jump, or if the turn about the normal of the
+    pad changed since then: that jerks the spin by the inertia of the object, which γ does not show.
+
+    Args:
+        drop: State.
+        ring: Blocks.
+        p: Newest blocks, after the jump.
+        top: The last block before it.
+    """
+    b = int(CARRIED_S / drop["dt"] + 0.5)
+    if max(drop["unfelt"], drop["block"] - drop["count"]) > top - b:
+        return False
+    now, then = mean_motion(ring, drop["block"], 1), mean_motion(ring, top, b)
+    if abs(now[2] - mean_motion(ring, top, LEVEL)[2]) > TURNED_RADPS:
+        return True
+    return _unexplained(drop, ring, p, 1, top, b) * math.hypot(*then[:2]) <= FOLLOWS * math.hypot(*now[:2])
+
+
+@compiled_part
+def _has_moved(drop: Row, ring: Rows, top: int) -> bool:
+    """Return whether the motion of the arm changed since shortly before block ``top``."""
     k = drop["block"]
     gx, gy, turn = mean_motion(ring, k, 1)
-    known = min(k - top + int(SWINGS_S / drop["dt"]), k - drop["unfelt"], drop["count"])
+    known = min(k - top + int(CARRIED_S / drop["dt"]), k - drop["unfelt"], drop["count"])
     for back in range(LEVEL, known - LEVEL, LEVEL):
         gx_then, gy_then, turn_then = mean_motion(ring, k - back, LEVEL)
         moved = math.hypot(gx - gx_then, gy - gy_then) > MOVED * math.hypot(gx_then, gy_then)

@@ -1,8 +1,8 @@
 """A load that jumps beyond the limit: q stops within a millisecond, or overshoots once and is flat at once.
 
 A load that jumps and holds swings about its new value on the springs of the pads: the crest of that swing is short
-beside its rise, and a trough follows it. A contact that slides has no such spring. While the arm
-moves, and soon after, a jump shows nothing (`slipd.fusion.explained`).
+beside its rise, and a trough follows it. A contact that slides has no such spring. A jump that the arm makes is no
+slip: the force has followed the motion since before it (`slipd.fusion.explained`).
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from slipd.fusion.compiled import compiled_part
-from slipd.fusion.explained import has_moved
+from slipd.fusion.explained import is_arm_made
 from slipd.fusion.load_blocks import (
     BRIEF_S,
     LENGTHS,
@@ -62,7 +62,7 @@ def look_for_jump(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
             continue
         if is_closing(ring, k, count) or _loosened(ring, k, p, steep, rise / low):
             continue
-        if not has_moved(drop, ring, k - p - steep):
+        if not is_arm_made(drop, ring, p, k - p - steep):
             begin_slide(drop, t_s, math.nan, low, low / NEAR, surprise)
             return
 
@@ -91,7 +91,7 @@ def look_for_overshoot(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
             surprise = _overshoot_surprise(drop, ring, p, gap, low)
             if surprise < drop["least_surprise"] or is_closing(ring, k, count):
                 continue
-            if not has_moved(drop, ring, k - p - gap):
+            if not is_arm_made(drop, ring, p, k - p - gap):
                 begin_slide(drop, t_s, math.nan, low, low / NEAR, surprise)
                 return
 

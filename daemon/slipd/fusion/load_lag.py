@@ -21,7 +21,6 @@ from slipd.fusion.load_blocks import (
     CHANGES,
     LEVEL,
     MOSTLY,
-    QUICK_S,
     RING,
     ROUGH,
     mean_normal,
@@ -32,12 +31,15 @@ from slipd.fusion.load_blocks import (
 from slipd.fusion.rows import Row, Rows
 from slipd.fusion.slide import FLAT, FROM, NEAR, begin_slide, surprise_of
 
+STRETCH_S = 0.036
+"""Means are of stretches of this length, s. Over two of them q is flat; in a swing of 4 Hz it is not."""
+
 
 @compiled_part
 def look_for_lag(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
     """Begin a slip if q lags behind what the motion of the arm asks for."""
     k, dt = drop["block"], drop["dt"]
-    p = max(2, int(QUICK_S / dt + 0.5))
+    p = max(2, int(STRETCH_S / dt + 0.5))
     if k % max(1, int(BRIEF_S / dt + 0.5)):
         return
     q = mean_q(ring, k, p)

@@ -119,25 +119,26 @@ STILL = np.full(OVERSHOT.size, 9.81)
 
 
 @pytest.mark.parametrize(
-    ("load", "felt", "after"),
+    ("load", "felt", "explained"),
     [
-        (JUMP, STILL, [0]),
-        (JUMP, stepped(10.0, 18.0, 300, JUMP.size), [0]),  # long ago
-        (JUMP, 2.0 * JUMP, []),
-        (OVERSHOT, STILL, [0]),
-        (OVERSHOT, stepped(10.0, 18.0, 500, OVERSHOT.size, 6), []),
-        (OVERSHOT, stepped(10.0, 18.0, 504, OVERSHOT.size, 6), []),  # its stream lags
-        (OVERSHOT, stepped(10.0, 25.0, 500, OVERSHOT.size, 6), [27]),  # friction does not carry what the arm asks for
-        (LIFTED, stepped(10.0, 18.0, 500, OVERSHOT.size, 6), []),
+        (JUMP, 2.0 * JUMP, True),
+        (JUMP, 2.0 * JUMP**0.7, False),
+        (JUMP, STILL, False),
+        (OVERSHOT, stepped(10.0, 18.0, 500, OVERSHOT.size, 6), True),
+        (OVERSHOT, stepped(10.0, 18.0, 504, OVERSHOT.size, 6), True),  # its stream lags
+        (OVERSHOT, stepped(10.0, 25.0, 500, OVERSHOT.size, 6), False),  # friction does not carry what the arm asks for
+        (OVERSHOT, STILL, False),
+        (OVERSHOT, np.where(np.arange(OVERSHOT.size) < 450, np.nan, 5.0 * OVERSHOT), False),
+        (LIFTED, stepped(10.0, 18.0, 500, OVERSHOT.size, 6), False),  # it was not carried before
     ],
 )
-def test_a_jump_while_the_arm_moves_shows_nothing_by_itself(load: Array, felt: Array, after: list[int]) -> None:
+def test_a_jump_that_the_arm_makes_is_no_slip(load: Array, felt: Array, explained: bool) -> None:
     felt = felt[: load.size]
     (at,) = slips(load, np.full(load.size, np.nan))
-    assert slips(load, felt) == [at + later for later in after]
+    assert slips(load, felt) == ([] if explained else [at])
 
 
-@pytest.mark.parametrize(("turn_radps", "moves"), [(0.5, True), (0.05, False)])
-def test_a_jump_while_the_turn_of_the_arm_changes_is_no_slip(turn_radps: float, moves: bool) -> None:
+@pytest.mark.parametrize(("turn_radps", "made"), [(0.5, True), (0.05, False)])
+def test_a_jump_while_the_turn_of_the_arm_changes_is_no_slip(turn_radps: float, made: bool) -> None:
     found = slips(JUMP, STILL[: JUMP.size], turn_radps=stepped(0.0, turn_radps, 500, JUMP.size))
-    assert bool(found) is not moves
+    assert bool(found) is not made
