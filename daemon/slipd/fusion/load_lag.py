@@ -1,12 +1,12 @@
 """A load that takes up less than the arm asks for: how the force path sees an object turn in a grip that moves.
 
 Weight and inertia of an object that sticks act at its centre of mass. While the apparent gravity γ of the arm keeps its
-direction, force and spin are proportional to it, and so is the required friction q. An object that turns in the grip,
-or slides, does not take up all of it: q stays at the limit of friction though γ grows. No fall shows this, and most
-often the force goes on to follow the arm. It is a slip only if
+direction, force and spin are proportional to it, and so is the required friction q. The force of an object that turns
+in the grip most often goes on to follow γ, but the spin does not, and q stays at the limit of friction. No fall shows
+this. It is a slip only if
 
 - q is flat, near the largest that this grasp carried without motion, and not far from the coefficient of friction,
-- two stretches before ask for clearly more than was carried, and agree,
+- by the growth of γ and of the force, two stretches before ask for clearly more than was carried, and agree,
 - the lag is more than the noise explains at the stated rate of false alarms, and more than any recent swing.
 """
 
@@ -19,10 +19,10 @@ from slipd.fusion.explained import mean_motion, ratio
 from slipd.fusion.load_blocks import (
     BRIEF_S,
     CHANGES,
-    LEVEL,
     MOSTLY,
     RING,
     ROUGH,
+    mean_force,
     mean_normal,
     mean_q,
     noise_of,
@@ -61,7 +61,9 @@ def look_for_lag(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
 
 @compiled_part
 def _asked(drop: Row, ring: Rows, p: int, end: int) -> float:
-    """Return q of the newest ``p`` blocks if it grew with γ, per normal force, since the ``p`` blocks up to ``end``.
+    """Return q of the newest ``p`` blocks if it grew with the load since the ``p`` blocks up to ``end``.
+
+    The load grew as γ and the tangential force did, per normal force; where these differ, as the one that grew less.
 
     Returns:
         That q; 0 where γ was not known all the time, or did not keep its direction.
@@ -69,9 +71,9 @@ def _asked(drop: Row, ring: Rows, p: int, end: int) -> float:
     k = drop["block"]
     if drop["unfelt"] > end - p:
         return 0.0
-    now, then, soon = mean_motion(ring, k, p), mean_motion(ring, end, p), mean_motion(ring, end + LEVEL, p)
-    growth, aside = ratio(now[0], now[1], then[0], then[1])
+    felt, felt_before = mean_motion(ring, k, p), mean_motion(ring, end, p)
+    growth, aside = ratio(felt[0], felt[1], felt_before[0], felt_before[1])
     if not abs(aside) <= MOSTLY * growth:
         return 0.0
-    growth = min(growth, ratio(now[0], now[1], soon[0], soon[1])[0])  # the stream may lag by some milliseconds
+    growth = min(growth, ratio(*mean_force(ring, k, p), *mean_force(ring, end, p))[0])
     return float(growth * mean_normal(ring, end, p) / mean_normal(ring, k, p) * mean_q(ring, end, p))
