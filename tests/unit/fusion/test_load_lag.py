@@ -22,9 +22,14 @@ LATE = np.concatenate((LIFTS[:1].repeat(150), LIFTS[:-150]))
 def reported(
     used: Array, felt: Array = LIFTS, force: Array = LIFTS, aside: Array | float = 0.0, mu: float = MU
 ) -> list[int]:
-    """Return where slips begin, for q as of a force ``used``, N, the apparent gravity that the arm reports, and the force.
+    """Return where slips begin.
 
-    The force is 0.2 times an apparent gravity.
+    Args:
+        used: Force that would ask for the measured q without spin, N.
+        felt: Apparent gravity that the arm reports, m/s².
+        force: Apparent gravity of which the measured force is 0.2 times as much.
+        aside: Part of ``felt`` across its direction.
+        mu: Coefficient of friction that is known.
     """
     rows, contact = readings(0.2 * force, mu=mu), watch()
     rows["utilisation"] = readings(used, mu=mu)["utilisation"]
