@@ -5,7 +5,7 @@ direction, force and spin are proportional to it, and so is the required frictio
 in the grip most often goes on to follow γ, but the spin does not, and q stays at the limit of friction. No fall shows
 this. It is a slip only if
 
-- q is flat, near the largest that this grasp carried without motion, and not far from the coefficient of friction,
+- q is flat all the time, near the largest that this grasp carried without motion, and not far from the coefficient of friction,
 - by the growth of γ and of the force, two stretches before ask for clearly more than was carried, and agree,
 - the lag is more than the noise explains at the stated rate of false alarms, and more than any recent swing.
 """
@@ -42,8 +42,9 @@ def look_for_lag(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
     p = max(2, int(STRETCH_S / dt + 0.5))
     if k % max(1, int(BRIEF_S / dt + 0.5)):
         return
-    q = mean_q(ring, k, p)
-    change = abs(q - mean_q(ring, k - p, p))
+    q, half, change = mean_q(ring, k, p), p // 2, 0.0
+    for back in (half, 2 * half, 3 * half):
+        change = max(change, abs(mean_q(ring, k - back, half) - mean_q(ring, k, half)))
     for top in (k - 2 * p, k - 3 * p):
         carried, swing = ring[top % RING]["carried"], ring[top % RING]["swing"]
         if k - top + 2 * p > drop["count"] or not q > FROM * mu or q < (1.0 - CHANGES) * carried:
