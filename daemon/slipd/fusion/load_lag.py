@@ -5,7 +5,7 @@ direction, force and spin are proportional to it, and so is the required frictio
 in the grip most often goes on to follow γ, but the spin does not, and q stays at the limit of friction. No fall shows
 this. It is a slip only if
 
-- q is flat all the time, near the largest that this grasp carried without motion, and not far from the coefficient of friction,
+- q is flat all the time, near the largest that this grasp carried, and not far from the coefficient of friction,
 - by the growth of γ and of the force, two stretches before ask for clearly more than was carried, and agree,
 - the lag is more than the noise explains at the stated rate of false alarms, and more than any recent swing.
 """
