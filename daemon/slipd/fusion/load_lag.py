@@ -31,8 +31,8 @@ from slipd.fusion.load_blocks import (
 from slipd.fusion.rows import Row, Rows
 from slipd.fusion.slide import FLAT, FROM, NEAR, begin_slide, surprise_of
 
-STRETCH_S = 0.036
-"""Means are of stretches of this length, s. Over two of them q is flat; in a swing of 4 Hz it is not."""
+STRETCH_S = 0.03
+"""Means are of stretches of this length, s. Over two of them q is flat; in a swing of 5 Hz it is not."""
 
 
 @compiled_part
