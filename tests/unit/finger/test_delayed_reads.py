@@ -75,6 +75,7 @@ def quiet(ms: float) -> Step:
 
     def step(stalled: Stalled) -> None:
         assert stalled.finger.check_silence(T0 + ns(ms), ns(ms)) is None
+        assert stalled.finger.quiet_until_ns(T0 + ns(ms)) == -1
 
     return step
 

@@ -172,6 +172,9 @@ def test_F3_a_lasting_disagreement_is_reported_until_both_have_agreed_for_long_o
     assert said(9, wrong, image, agreement, begin=10).index(("centroid",)) == 7, "60 ms; the first was a movement"
     assert said(29, right, image, agreement, begin=100).index(()) == 19
     assert said(4, wrong, image, period=33) == [(), (), (), ("centroid",)]
+    faint = watch()
+    assert said(9, wrong, image, faint)[-1] == ("centroid",)
+    assert said(1, quiet(1.2, (0.01, 0.0)), block(1.2), faint, begin=90) == [("centroid",)]
     ended = watch()
     assert said(10, wrong, image, ended)[-1] == ("centroid",)
     assert [*said(1, quiet(0.1), np.zeros(X.size), ended, begin=100), *said(1, wrong, image, ended, begin=110)] == [
