@@ -6,7 +6,7 @@ in the grip most often goes on to follow γ, but the spin does not, and q stays 
 this. It is a slip only if
 
 - q is flat all the time, near the largest that this grasp carried, and not far from the coefficient of friction,
-- by the growth of γ and of the force, two stretches before ask for clearly more than was carried, and agree,
+- by the growth of γ, two stretches before ask for clearly more than was carried, and agree,
 - the lag is more than the noise explains at the stated rate of false alarms, and more than any recent swing.
 """
 
@@ -19,10 +19,10 @@ from slipd.fusion.explained import mean_motion, ratio
 from slipd.fusion.load_blocks import (
     BRIEF_S,
     CHANGES,
+    LEVEL,
     MOSTLY,
     RING,
     ROUGH,
-    mean_force,
     mean_normal,
     mean_q,
     noise_of,
@@ -62,9 +62,7 @@ def look_for_lag(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
 
 @compiled_part
 def _asked(drop: Row, ring: Rows, p: int, end: int) -> float:
-    """Return q of the newest ``p`` blocks if it grew with the load since the ``p`` blocks up to ``end``.
-
-    The load grew as γ and the tangential force did, per normal force; where these differ, as the one that grew less.
+    """Return q of the newest ``p`` blocks if it grew with γ, per normal force, since the ``p`` blocks up to ``end``.
 
     Returns:
         That q; 0 where γ was not known all the time, or did not keep its direction.
@@ -72,9 +70,9 @@ def _asked(drop: Row, ring: Rows, p: int, end: int) -> float:
     k = drop["block"]
     if drop["unfelt"] > end - p:
         return 0.0
-    felt, felt_before = mean_motion(ring, k, p), mean_motion(ring, end, p)
-    growth, aside = ratio(felt[0], felt[1], felt_before[0], felt_before[1])
+    felt, before, soon = mean_motion(ring, k, p), mean_motion(ring, end, p), mean_motion(ring, end + LEVEL, p)
+    growth, aside = ratio(felt[0], felt[1], before[0], before[1])
     if not abs(aside) <= MOSTLY * growth:
         return 0.0
-    growth = min(growth, ratio(*mean_force(ring, k, p), *mean_force(ring, end, p))[0])
+    growth = min(growth, ratio(felt[0], felt[1], soon[0], soon[1])[0])  # the stream may lag by some milliseconds
     return float(growth * mean_normal(ring, end, p) / mean_normal(ring, k, p) * mean_q(ring, end, p))
