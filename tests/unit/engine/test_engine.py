@@ -361,3 +361,10 @@ def test_the_engine_lists_the_links_to_open_and_gives_a_verdict_after_the_warm_u
     }
     warm_up()
     follow(run, [image(), wrench(10.0, (1.0, 0.0), 0.001), level("stable")])
+
+
+def test_while_a_line_is_unread_after_a_stall_each_tick_looks_at_everything(run: Run) -> None:
+    run.feed(Tick())
+    run.engine.handle(Tick(unread=True), run.t_ns + 100 * MS)
+    run.engine.handle(Tick(unread=True), run.t_ns + 105 * MS)
+    assert run.engine._lateness.late_ns >= 95 * MS
