@@ -104,7 +104,7 @@ class ContactPresence:
         return False if finger.level == PAD_FREE.level else None
 
     def is_pressed_by_force(self) -> bool | None:
-        """Return whether something presses, as the force sensor alone shows it; None: unknown, or there is none.
+        """Return whether something presses, by the force sensor alone; None: unknown, or no force sensor.
 
         It decides while the pad in front of the sensor is tared, because the image has no zero yet.
         """

@@ -34,9 +34,9 @@ class CommandedMotion:
         self._longest_begin_ns = max(LONGEST_BEGIN_NS, round(BEGIN_PERIODS * 1e9 / rate_hz))
         self.goals_m: tuple[float, float] | None = None
         self._goal_m = 0.0  # of the newest motion
-        # shown: a reading has shown the newest motion, or why there is none;
-        # from: where the fingers were, and since when motions that no reading has shown should take them elsewhere;
-        # None: not known, or they may stay there
+        # _shown: a reading has shown the newest motion, or explained why the fingers stay
+        # _from_m, _from_ns: place and time at which the oldest motion that no reading has shown began; None: not known,
+        # or the fingers may stay there
         self.moving = self._shown = False
         self.sent_ns = self._from_ns = 0
         self._from_m: float | None = None
