@@ -27,7 +27,7 @@ from slipd.finger.trust import ContactPresence, Trust, is_trusted
 from slipd.finger.verdict import PAD_FREE, ROTATION_UNOBSERVED, STREAM_STALE, Verdict
 from slipd.fusion.contact_state import WrenchUncertainty
 from slipd.fusion.recent_forces import mean_wrench
-from slipd.fusion.rows import PULLED, TOUCHING
+from slipd.fusion.rows import LATE, PULLED, TOUCHING
 from slipd.fusion.streaming import without_verdict
 from slipd.motion.evidence import Evidence, evidence_mask
 from slipd.motion.image_shift import ImageShift
@@ -86,7 +86,7 @@ class Finger:
         self.presence, self.trust, self._guard = ContactPresence(self), Trust(self), TareGuard(self)
         self._delayed: deque[Read] = deque()
         self._newest: FingerState | VerdictBatch = FingerState(0, STREAM_STALE)
-        self.level = STREAM_STALE.level
+        self.level, self._stale = STREAM_STALE.level, True  # of the newest reading
         self._check: ForceImageCheck | None = None
         if pad is not None and self.force is not None and self.image is not None:
             self._check = ForceImageCheck(config, pad, self.force, self.image, state)
@@ -192,7 +192,7 @@ class Finger:
         """Return the verdicts on conditioned readings, and update the comparison and the tares with them."""
         force, check, received_ns, newest_ns = self.force, self._check, readings.received_ns, readings.times_ns[-1]
         usable_ns = self.freshness.stale_ns
-        if arrival.waited_ns and not (arrival.dated and self._newest.is_stale):
+        if arrival.waited_ns and not (arrival.dated and self._stale):
             usable_ns += arrival.waited_ns  # the daemon let them wait, and the stream was not stale before them
         sure = True
         if force is not None:  # an image has updated its own
@@ -211,6 +211,7 @@ class Finger:
             image_free=not self._estimator.certain and self.presence.is_free_by_image(),
         )
         self._newest, self.level = batch, LEVELS[batch.levels[-1]]
+        self._stale = bool(batch.phases & 1 << LATE) and batch.phase(-1) == LATE
         if batch.phases & 1 << PULLED:
             self.tare.reject("the normal force is clearly negative")
         if self.motion is not None and batch.phases != 1 << TOUCHING:
@@ -266,7 +267,7 @@ class Finger:
         """
         if self._taring:
             self._guard.check_silence(t_ns, unread_ns)
-        if self._newest.is_stale:
+        if self._stale:
             return None
         if self.freshness.is_stale(t_ns, unread_ns):
             return self._lose_force(t_ns)
@@ -285,7 +286,7 @@ class Finger:
         """
         if self._delayed:
             return -1
-        since_ns, image = t_ns if self._newest.is_stale else self.freshness.came_ns or 0, self.image
+        since_ns, image = t_ns if self._stale else self.freshness.came_ns or 0, self.image
         until_ns = since_ns + self.freshness.stale_ns
         if image is not None and (image.reasons != STALE or self._needs_image()):
             until_ns = min(until_ns, image.fresh_until_ns)
@@ -352,13 +353,13 @@ class Finger:
         return newest if isinstance(newest, FingerState) else newest[-1]
 
     def _set_state(self, state: FingerState) -> FingerState:
-        self._newest, self.level = state, state.verdict.level
+        self._newest, self.level, self._stale = state, state.verdict.level, state.verdict is STREAM_STALE
         return state
 
     def is_fresh(self, stream: str, t_ns: int) -> bool:
         """Return whether readings of the stream "wrench" or "pad" came lately."""
         if stream == "wrench" or self.force is None:
-            return not self._newest.is_stale
+            return not self._stale
         return self.image is not None and self.image.is_fresh(t_ns, None)
 
     @property

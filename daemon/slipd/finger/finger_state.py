@@ -113,11 +113,6 @@ class FingerState:
     _numbers: VerdictNumbers | None = field(default=None, init=False)
 
     @property
-    def is_stale(self) -> bool:
-        """The reading is too old, or its stream ended."""
-        return self.verdict is STREAM_STALE
-
-    @property
     def phase(self) -> int:
         """Contact phase of the reading."""
         return LATE if self.reading is None else int(self.reading["phase"].item(0))
@@ -233,11 +228,6 @@ class VerdictBatch:
     def phase(self, k: int) -> int:
         """Return the contact phase of reading k."""
         return int(self.readings.rows["phase"].item(k))
-
-    @property
-    def is_stale(self) -> bool:
-        """The newest reading is too old."""
-        return bool(self.phases & 1 << LATE) and self.phase(-1) == LATE
 
     @property
     def normal_n(self) -> float | None:
