@@ -10,8 +10,9 @@ from slipd.events import WallClock
 from slipd.finger.finger import Finger
 from slipd.finger.freshness import Lateness
 from slipd.grasp.arm_motion import ArmMotion
+from slipd.grasp.grasp_fingers import place_fingers, weighed_fingers
 from slipd.grasp.grasp_view import GraspView
-from slipd.grasp.held_object import HeldObject
+from slipd.grasp.held_object import HeldObject, KnownObjects
 from slipd.grasp.motion_advice import MotionAdvice
 from slipd.grasp.object_estimate import NamedObject
 from slipd.gripper.grip_policy import NoGripper
@@ -73,13 +74,15 @@ class Rig:
         if config.gripper is not None:
             session = cast("GripperSession", self.links[GRIPPER_LINK].session)
             self.gripper = GripperControl(config.gripper, session, self.fingers)
-        grasp = config.grasp
-        self.arm = None if grasp is None or grasp.arm is None else ArmMotion(grasp, grasp.arm, self.fingers)
+        self.arm: ArmMotion | None = None
         self.grasp: GraspParts | None = None
-        if grasp is not None:
-            held = HeldObject(grasp, self.fingers, self.arm, self.named)
-            advice = MotionAdvice(grasp, self.fingers, held, self.arm)
-            self.grasp = GraspParts(GraspView(grasp, self.fingers), held, advice)
+        if (grasp := config.grasp) is not None:
+            placed = place_fingers(grasp, self.fingers)
+            weighed = weighed_fingers(placed)
+            self.arm = None if grasp.arm is None else ArmMotion(grasp.arm, weighed)
+            held = HeldObject(weighed, self.arm, KnownObjects(self.named, grasp.motion.regrip_std_m))
+            advice = MotionAdvice(grasp, placed, held, self.arm)
+            self.grasp = GraspParts(GraspView(placed), held, advice)
         self.reflex: ReflexController | None = None
         if config.reflex.enabled and self.grasp is not None and isinstance(self.gripper, GripperControl):
             self.reflex = ReflexController(config.reflex, self.grasp.view, self.gripper)

@@ -20,7 +20,7 @@ from slipd.fusion.contact_state import WrenchUncertainty
 from slipd.fusion.rows import TOUCHING
 from slipd.fusion.streaming import new_readings
 from slipd.grasp.arm_gravity import ArmGravity
-from slipd.grasp.grasp_view import Place
+from slipd.grasp.grasp_fingers import Place, place_fingers
 from slipd.grasp.motion_advice import LOOK_NS, MotionAdvice
 from slipd.grasp.motion_answers import MotionCheck, MotionLimits
 from slipd.grasp.object_estimate import ObjectState
@@ -158,8 +158,9 @@ class Advised:
         self._mu = grip.mu if mu_low is None else mu_low
         self.fingers = {name: self._finger(name) for name in PLACES}
         self._config = Grasp.model_validate({"pads": PLACES})
+        self._placed = place_fingers(self._config, self.fingers)
         self.arm: Any = SimpleNamespace(is_used=lambda t_ns: True, gravity=ArmGravity())
-        self.advice = MotionAdvice(self._config, self.fingers, self.held, self.arm)
+        self.advice = MotionAdvice(self._config, self._placed, self.held, self.arm)
         self.t_ns = 10_000_000_000
         for _ in range(27):
             self.move(gravity, STILL)
@@ -182,7 +183,7 @@ class Advised:
 
     def arm_is_missing(self) -> None:
         """Begin anew with a config that names no arm."""
-        self.advice = MotionAdvice(self._config, self.fingers, self.held, None)
+        self.advice = MotionAdvice(self._config, self._placed, self.held, None)
 
     def look(self) -> None:
         """Let 40 ms pass without a new reading."""

@@ -35,6 +35,7 @@ from slipd.finger.finger_state import VerdictBatch
 from slipd.finger.freshness import PROMPT, Read
 from slipd.grasp.arm_motion import ArmMotion
 from slipd.grasp.held_object import HeldObject
+from slipd.grasp.motion_advice import MotionAdvice
 from slipd.gripper.gripper_control import LONGEST_PAUSE_NS, GripperControl
 from slipd.gripper.reflex import ReflexAct, ReflexController
 from slipd.links.device_link import DeviceLink
@@ -59,10 +60,12 @@ class Deadline:
         run: Changes and publishes what is due at a time, and returns when it must be called again unless an event
             comes before.
         due_ns: Earliest time at which it may have something to do; 0: at the next tick.
+        periodic: It goes by time alone: no event makes it due.
     """
 
     run: Callable[[int, list[Output]], int]
     due_ns: int = 0
+    periodic: bool = False
 
     def run_now(self, t_ns: int, out: list[Output]) -> None:
         """Run it, due or not."""
@@ -112,10 +115,11 @@ class Engine:
         sessions = {name: link for name, link in rig.links.items() if link.session is not None}
         self._writes = {name: Deadline(partial(self._write_due, link)) for name, link in sessions.items()}
         self._gripper_write = self._writes.get(GRIPPER_LINK, absent)
-        weigh = self._grasp_due = self._advice_due = absent
+        weigh = look = self._grasp_due = self._advice_due = absent
         if rig.grasp is not None:
             view, held, advice = rig.grasp
-            weigh = Deadline(partial(self._weigh, held))
+            weigh = Deadline(partial(self._weigh, held), periodic=True)
+            look = Deadline(partial(self._look, advice), periodic=True)
             self._grasp_due = Deadline(GraspPublisher(view, held, rig.gripper, self._sequencer, grasp_hz).publish)
             self._advice_due = Deadline(MotionPublisher(advice, view, rig.gripper, self._sequencer).publish)
         self._deadlines = [
@@ -124,6 +128,7 @@ class Engine:
             *self._writes.values(),  # sessions poll, repeat, or send what waited
             weigh,
             self._grasp_due,
+            look,
             self._advice_due,
             Deadline(self._status.publish_due),
         ]
@@ -310,7 +315,8 @@ class Engine:
 
     def _make_all_due(self) -> None:
         for deadline in self._deadlines:
-            deadline.due_ns = 0
+            if not deadline.periodic:
+                deadline.due_ns = 0
 
     def _check_silence(self, publisher: FingerPublisher, t_ns: int, out: list[Output]) -> int:
         """Publish what has changed of a finger only because time passed."""
@@ -343,6 +349,10 @@ class Engine:
             self._status.publish(t_ns, out)
         return due_ns
 
+    def _look(self, advice: MotionAdvice, t_ns: int, _: list[Output]) -> int:
+        """Let the advice follow the loads on the pads."""
+        return advice.follow(t_ns)
+
     def _write_due(self, link: DeviceLink, t_ns: int, out: list[Output]) -> int:
         """Write what a session has to send; what relies on a session that failed forgets it first."""
         name, pieces = link.spec.name, link.due(t_ns)
@@ -354,7 +364,7 @@ class Engine:
         if pieces:
             out += [Write(name, piece) for piece in pieces]
         if name == GRIPPER_LINK:
-            self._gripper_check.due_ns = 0  # the session may have given up a command
+            self._gripper_check.due_ns = min(self._gripper_check.due_ns, self._gripper.deadline_ns)
         return link.due_ns
 
     def _handle_wake_up(self, t_ns: int, out: list[Output]) -> None:

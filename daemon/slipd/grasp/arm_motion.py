@@ -12,14 +12,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from slipd.config import Arm as ArmConfig
-from slipd.config import Grasp, stale_after_ns
-from slipd.finger.finger import Finger
-from slipd.finger.force_channel import ForceChannel
+from slipd.config import stale_after_ns
 from slipd.finger.stream_health import Condition
+from slipd.grasp.arm_check import SHIFTS_NS, ArmCheck
 from slipd.grasp.arm_gravity import ArmGravity
-from slipd.grasp.grasp_view import Place
+from slipd.grasp.grasp_fingers import WeighedFinger
 from slipd.grasp.object_estimate import GripperMotion
-from slipd.signals.gravity import FRESH_NS, MOST_GRAVITY_MPS2, STANDARD_GRAVITY_MPS2, gravity_at, gravity_fault
+from slipd.signals.gravity import FRESH_NS, MOST_GRAVITY_MPS2, STANDARD_GRAVITY_MPS2, gravity_fault
 from slipd.types.arrays import Array
 from slipd.types.samples import ArmSample
 from slipd_client.messages import Health
@@ -113,24 +112,19 @@ class ArmMotion:
     """Follows the arm, and sets the gravity of the fingers of the grasp.
 
     Args:
-        grasp: ``[grasp]``.
         arm: ``[grasp.arm]``.
-        fingers: All fingers by name.
+        fingers: Those of the grasp that have a force sensor.
 
     Attributes:
         history: Its newest readings that can be right.
         gravity: Direction of gravity, by the readings that can be right.
-        misfit: How it contradicts the load, see `slipd.grasp.arm_check`; "" where it does not. It is not used then.
     """
 
-    def __init__(self, grasp: Grasp, arm: ArmConfig, fingers: dict[str, Finger]) -> None:
+    def __init__(self, arm: ArmConfig, fingers: Sequence[WeighedFinger]) -> None:
         self._stale_ns = stale_after_ns(arm)
-        self.history, self.gravity, self.misfit = MotionHistory(), ArmGravity(), ""
-        self._fingers = {
-            name: _WeighedFinger(force, Place(place), wrench.com_m)
-            for name, place in grasp.pads.items()
-            if (force := fingers[name].force) is not None and (wrench := fingers[name].config.wrench) is not None
-        }
+        self.history, self.gravity = MotionHistory(), ArmGravity()
+        self._fingers = fingers
+        self._check = ArmCheck(math.hypot(*(one.noise_n for one in fingers)))
         self._fresh_until_ns: int | None = None
         self._fault = ""  # of the newest reading
         self._mean_mps2: float | None = None
@@ -153,15 +147,15 @@ class ArmMotion:
             self._fault = _fault_of(sample)
             if self._fault or not self._check_length(sample.gravity_mps2, acquired_ns):
                 continue
-            gravities = {name: finger.gravity(sample, width_m) for name, finger in self._fingers.items()}
-            if any(gravity_fault(gravity) for gravity in gravities.values()):
+            gravities = [finger.gravity_under(sample, width_m) for finger in self._fingers]
+            if any(map(gravity_fault, gravities)):
                 self._fault = f"its motion exceeds {MOST_GRAVITY_MPS2:.0f} m/s² (5 g) at a finger: check its units"
                 continue
             self.history.add(sample, acquired_ns)
             if self.misfit:
                 continue
-            for name, gravity in gravities.items():
-                self._fingers[name].set_motion(gravity, sample.angular_velocity_radps, acquired_ns, self._stale_ns)
+            for finger, gravity in zip(self._fingers, gravities, strict=True):
+                finger.set_motion(gravity, sample.angular_velocity_radps, acquired_ns, self._stale_ns)
             self._fresh_until_ns = acquired_ns + self._stale_ns
         if not self._fault:
             self.gravity.update(samples[-1], times_ns[-1])
@@ -176,8 +170,26 @@ class ArmMotion:
         """
         fresh_until_ns = self._fresh_until_ns
         if fresh_until_ns is not None and since_ns <= fresh_until_ns:
-            for finger in self._fingers.values():
+            for finger in self._fingers:
                 finger.force.gravity.extend(fresh_until_ns - self._stale_ns + FRESH_NS)
+
+    @property
+    def misfit(self) -> str:
+        """How the stream contradicts the load, so that it is not used; "" where it does not."""
+        return self._check.fault
+
+    def compare(self, t_ns: int, load_n: Array) -> bool:
+        """Compare the stream with the load on the fingers at ``t_ns``; return whether `misfit` changed.
+
+        Args:
+            t_ns: When the load was read; the history reaches beyond it by all of `SHIFTS_NS`.
+            load_n: Force with the weight of the fingers, in the gripper frame, shape (3,), N.
+        """
+        before = self.misfit
+        gravities = [gravity for shift in SHIFTS_NS if (gravity := self.history.gravity(t_ns + shift)) is not None]
+        if len(gravities) == len(SHIFTS_NS):
+            self._check.update(load_n, gravities)
+        return self.misfit != before
 
     def is_used(self, t_ns: int) -> bool:
         """Return whether the stream is fresh and believed at ``t_ns``."""
@@ -185,7 +197,7 @@ class ArmMotion:
 
     def sets_gravity_of(self, finger: str, t_ns: int) -> bool:
         """Return whether the gravity of a finger comes from the arm at ``t_ns``."""
-        return finger in self._fingers and self.is_used(t_ns)
+        return any(one.finger.name == finger for one in self._fingers) and self.is_used(t_ns)
 
     def conditions(self) -> list[Condition]:
         """Return why the readings are not used, for people; empty where they are."""
@@ -239,34 +251,3 @@ def _fault_of(sample: ArmSample) -> str:
     if turn_radps2 > MOST_TURN_RADPS2:
         return f"its angular acceleration is {turn_radps2:.3g} rad/s², more than any arm's: check its units"
     return ""
-
-
-class _WeighedFinger:
-    """A finger with a force sensor, whose own weight is known at each width.
-
-    Args:
-        force: Its force sensor.
-        place: Pose of its pad.
-        com_m: Centre of mass beyond the sensor, in the pad frame, m.
-    """
-
-    def __init__(self, force: ForceChannel, place: Place, com_m: Sequence[float]) -> None:
-        self.force, self._place = force, place
-        self._com_m: Array = place.rotation @ com_m
-        self._width_m: float | None = None
-        self._centre_m: list[float] = (place.nearest_m(None) + self._com_m).tolist()
-
-    def gravity(self, sample: ArmSample, width_m: float | None) -> list[float]:
-        """Return the apparent gravity at the centre of mass, in the pad frame, m/s²."""
-        if width_m != self._width_m:
-            self._width_m = width_m
-            self._centre_m = (self._place.nearest_m(width_m) + self._com_m).tolist()
-        velocity, acceleration = sample.angular_velocity_radps, sample.angular_acceleration_radps2
-        at_com = gravity_at(self._centre_m, sample.gravity_mps2, velocity, acceleration)
-        in_pad: list[float] = (at_com @ self._place.rotation).tolist()
-        return in_pad
-
-    def set_motion(self, gravity_mps2: list[float], velocity_radps: Sequence[float], t_ns: int, fresh_ns: int) -> None:
-        """Set the apparent gravity of the finger, in the pad frame, and the angular velocity of the gripper."""
-        turn_radps = float(self._place.rotation[:, 2] @ velocity_radps)
-        self.force.set_motion(gravity_mps2, turn_radps, t_ns, fresh_ns)

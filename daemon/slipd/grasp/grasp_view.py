@@ -10,14 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
-from slipd.config import Grasp, PadPlace
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
 from slipd.finger.trust import is_trusted
 from slipd.fusion.grasp import (
-    PadPose,
     asymmetry,
     external_wrench,
     grasp_needed_n,
@@ -25,7 +21,8 @@ from slipd.fusion.grasp import (
     internal_force,
     load_share,
 )
-from slipd.types.arrays import Array, finite_or_none, rotation_matrix
+from slipd.grasp.grasp_fingers import PlacedFinger
+from slipd.types.arrays import Array, finite_or_none
 from slipd_client.messages import SEVERITY
 
 HoldWord = Literal["empty", "held", "slipping", "lost", "unknown"]
@@ -80,17 +77,16 @@ class GraspView:
     """Two fingers as one grasp.
 
     Args:
-        config: ``[grasp]``.
-        fingers: All fingers by name, among them the two that ``[grasp]`` names.
+        placed: Both, with the places of their pads.
 
     Attributes:
         fingers: The first and the second finger.
         state: State at the last `update`.
     """
 
-    def __init__(self, config: Grasp, fingers: dict[str, Finger]) -> None:
-        self.fingers = tuple(fingers[name] for name in config.pads)
-        self._places = tuple(Place(place) for place in config.pads.values())
+    def __init__(self, placed: Sequence[PlacedFinger]) -> None:
+        self.fingers = tuple(finger for finger, _ in placed)
+        self._places = tuple(place for _, place in placed)
         self._least_n = max(finger.config.min_normal_n for finger in self.fingers)
         self.state = self.update(None)
 
@@ -181,32 +177,6 @@ class _FingerNow:
         wrench, force = self.state.wrench, self.finger.force
         weighs = force is not None and force.gravity.state(t_ns) == "unknown_orientation"
         return _NO_WRENCH if wrench is None or weighs or not self._trusted else wrench
-
-
-class Place:
-    """Pose of a pad at each width, from ``[grasp.pads.X]``.
-
-    Attributes:
-        rotation: Maps pad coordinates to gripper coordinates, shape (3, 3).
-    """
-
-    def __init__(self, config: PadPlace) -> None:
-        self.rotation = rotation_matrix(config.quat_xyzw)
-        rows = np.array(config.positions)
-        self._widths_m, self._positions_m = rows[:, 0], rows[:, 1:]
-
-    def pose(self, width_m: float | None) -> PadPose:
-        """Return the pose; without a position where the width is unknown or outside the configured positions."""
-        widths = self._widths_m
-        if width_m is None or not widths[0] <= width_m <= widths[-1]:
-            return PadPose(self.rotation, None)
-        return PadPose(self.rotation, self.nearest_m(width_m))
-
-    def nearest_m(self, width_m: float | None) -> Array:
-        """Return the position, shape (3,), m; the nearest configured one beyond them, the middle one where unknown."""
-        widths = self._widths_m
-        at_m = (widths[0] + widths[-1]) / 2.0 if width_m is None else width_m
-        return np.array([np.interp(at_m, widths, along) for along in self._positions_m.T])
 
 
 class HoldState:

@@ -14,18 +14,17 @@ from typing import NamedTuple
 import numpy as np
 
 from slipd.config import Grasp
-from slipd.finger.finger import Finger
 from slipd.finger.verdict import danger_reasons
 from slipd.fusion.held_pad import UNBOUNDED, HeldPad
 from slipd.fusion.motion_limits import nearest_limit, worst_turn
 from slipd.fusion.motion_scale import check_points, follow_gravity, largest_scales
 from slipd.grasp.arm_gravity import ERROR_MPS2, ArmGravity
 from slipd.grasp.arm_motion import ArmMotion
-from slipd.grasp.grasp_view import Place
+from slipd.grasp.grasp_fingers import PlacedFinger
 from slipd.grasp.held_object import HeldObject
-from slipd.grasp.motion_answers import Mode, MotionCheck, MotionLimits, unbounded
+from slipd.grasp.motion_answers import Mode, MotionCheck, MotionLimits, NotKnownError, unbounded
 from slipd.grasp.object_swing import with_swing
-from slipd.grasp.pad_load import PadLoad, shares_of
+from slipd.grasp.pad_load import MEMORY_READINGS, PadLoad, shares_of
 from slipd.signals.gravity import MOST_GRAVITY_MPS2, STANDARD_GRAVITY_MPS2, gravities_at
 from slipd.types.arrays import Array
 
@@ -78,7 +77,7 @@ class MotionAdvice:
 
     Args:
         grasp: ``[grasp]``.
-        fingers: All fingers by name.
+        placed: Both fingers, with the places of their pads.
         held: The object in the grasp.
         arm: Motion of the arm; None: no stream reports it.
 
@@ -87,43 +86,43 @@ class MotionAdvice:
         wanted_mps2: Acceleration that is wanted in every direction.
     """
 
-    def __init__(self, grasp: Grasp, fingers: dict[str, Finger], held: HeldObject, arm: ArmMotion | None) -> None:
-        self.safety = max(fingers[name].config.grip_safety for name in grasp.pads)
+    def __init__(self, grasp: Grasp, placed: Sequence[PlacedFinger], held: HeldObject, arm: ArmMotion | None) -> None:
+        self.safety = max(finger.config.grip_safety for finger, _ in placed)
         self.wanted_mps2 = grasp.motion.wanted_acceleration_mps2
         self._object, self._arm = held, arm
         self._gravity = ArmGravity() if arm is None else arm.gravity
-        self._loads = [PadLoad(fingers[name], Place(place)) for name, place in grasp.pads.items()]
+        self._loads = [PadLoad(each) for each in placed]
         self._apparent = np.zeros(3)  # at the centre of mass, in the mean over the same looks as the loads
-        self._looked_ns = -LOOK_NS
+        self._looks = 0  # in these means
 
     def follow(self, t_ns: int) -> int:
-        """Look at the loads where that is due; return when it is due again."""
-        if t_ns < self._looked_ns + LOOK_NS:
-            return self._looked_ns + LOOK_NS
-        self._looked_ns = t_ns
+        """Look at the loads; return when that is due again."""
         supported, arm = self._object.supported, self._arm
         com_m = (supported or self._object.state).com_m
-        looks = com_m is not None and arm is not None and arm.is_used(t_ns)
-        wrenches = [wrench for load in self._loads if looks and (wrench := load.held_wrench()) is not None]
-        if com_m is None or len(wrenches) < len(self._loads):
-            for load in self._loads:
-                load.forget()
+        if com_m is None or arm is None or not arm.is_used(t_ns):
+            self._looks = 0
             return t_ns + LOOK_NS
+        wrenches = [wrench for load in self._loads if (wrench := load.held_wrench()) is not None]
+        if len(wrenches) < len(self._loads):
+            self._looks = 0
+            return t_ns + LOOK_NS
+        self._looks = min(self._looks + 1, MEMORY_READINGS)
         for load, wrench in zip(self._loads, wrenches, strict=True):
-            part = load.update(wrench)
+            load.update(wrench, self._looks)
         if supported is None:
             apparent = self._apparent_now(np.array(com_m))
         else:  # the pads carry only a part of its weight, or nothing
             forces_n = [load.place.rotation @ wrench[:3] for load, wrench in zip(self._loads, wrenches, strict=True)]
             apparent = np.sum(forces_n, axis=0) / (supported.mass_kg or math.inf)
-        self._apparent = self._apparent + part * (apparent - self._apparent)
+        self._apparent = self._apparent + (1.0 / self._looks) * (apparent - self._apparent)
         return t_ns + LOOK_NS
 
     def limits(self, t_ns: int, width_m: float | None) -> MotionLimits:
         """Return how fast the arm may go at ``t_ns``, with a width between the pads (None: unknown)."""
-        held = self._held(t_ns, width_m)
-        if isinstance(held, str):
-            return MotionLimits(held)
+        try:
+            held = self._held(t_ns, width_m)
+        except NotKnownError as why:
+            return MotionLimits(str(why))
         rest, directions = held.change_to(held.gravity), np.zeros((2, 3))
         found = [
             nearest_limit(pad, rest, self.safety, self.wanted_mps2, direction)
@@ -171,9 +170,10 @@ class MotionAdvice:
             t_ns: Now.
             width_m: Width between the pads, m; None: unknown.
         """
-        held = self._held(t_ns, width_m)
-        if isinstance(held, str):
-            return MotionCheck(held)
+        try:
+            held = self._held(t_ns, width_m)
+        except NotKnownError as why:
+            return MotionCheck(str(why))
         apparent, gravity = gravities_at(held.com_m, points[:, 1:]), np.zeros((len(points), 3))
         begin = self._gravity_at_begin(points[0], held.gravity)
         if begin is not None:
@@ -182,9 +182,10 @@ class MotionAdvice:
 
     def check_acceleration(self, acceleration_mps2: Sequence[float], t_ns: int, width_m: float | None) -> MotionCheck:
         """Return whether the present grip holds an acceleration in the present orientation, without a turn."""
-        held = self._held(t_ns, width_m)
-        if isinstance(held, str):
-            return MotionCheck(held)
+        try:
+            held = self._held(t_ns, width_m)
+        except NotKnownError as why:
+            return MotionCheck(str(why))
         points = np.zeros((1, 10))
         points[0, 1:4] = held.gravity - acceleration_mps2
         return self._checked(held, points, points[:, 1:4], held.gravity[None, :], known=True)
@@ -227,20 +228,22 @@ class MotionAdvice:
             return apparent * (STANDARD_GRAVITY_MPS2 / length)
         return now if np.abs(apparent - self._gravity.apparent_mps2).max() <= LIKE_NOW_MPS2 else None
 
-    def _held(self, t_ns: int, width_m: float | None) -> _Held | str:
-        """Return both pads with what they hold; the reason for people where something is not known."""
+    def _held(self, t_ns: int, width_m: float | None) -> _Held:
+        """Return both pads with what they hold.
+
+        Raises:
+            NotKnownError: Something of it is not known.
+        """
         if self._arm is None:
-            return NO_ARM
+            raise NotKnownError(NO_ARM)
         if not self._arm.is_used(t_ns):
-            return ARM_SILENT
+            raise NotKnownError(ARM_SILENT)
         gravity, own = self._gravity.gravity(), self._object.supported or self._object.state
         if gravity is None:
-            return NO_GRAVITY
-        first, second = (load.known(t_ns) for load in self._loads)
-        if isinstance(first, str) or isinstance(second, str):
-            return first if isinstance(first, str) else str(second)
+            raise NotKnownError(NO_GRAVITY)
+        first, second = (load.contact(t_ns, self._looks) for load in self._loads)
         if own.mass_kg is None or own.mass_std_kg is None or own.com_m is None or own.com_std_m is None:
-            return own.unknown
+            raise NotKnownError(own.unknown)
         doubt_kg = OBJECT_STDS * own.mass_std_kg
         mass = np.array((max(own.mass_kg - doubt_kg, 0.0), own.mass_kg + doubt_kg))
         carried = [load.carried(width_m) for load in self._loads]

@@ -9,6 +9,11 @@ from typing import Literal
 from slipd.fusion.held_pad import UNBOUNDED
 from slipd.types.arrays import Array
 
+
+class NotKnownError(Exception):
+    """Something that the advice needs is not known; the text is the reason, for people."""
+
+
 Mode = Literal["translation", "rotation", "tipping"]
 
 

@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slipd.finger.finger import Finger
 from slipd.finger.finger_state import LoadDistribution
 from slipd.finger.trust import is_trusted
 from slipd.fusion.contact_state import WrenchUncertainty
 from slipd.fusion.friction_learning import Z
 from slipd.fusion.held_pad import NET_SHARE, HeldPad, tipping_edges, twist_net
-from slipd.grasp.grasp_view import Place
+from slipd.grasp.grasp_fingers import PlacedFinger
+from slipd.grasp.motion_answers import NotKnownError
 from slipd.types.arrays import Array
 
 MEMORY_READINGS = 8
@@ -36,6 +36,7 @@ class KnownContact(NamedTuple):
         mu: Low bound of static friction.
         spin_scale: How many times as much friction a spin uses.
         noise: Of the force sensor.
+        looks: Looks in the mean load, which has less noise.
     """
 
     distribution: LoadDistribution
@@ -43,6 +44,7 @@ class KnownContact(NamedTuple):
     mu: float
     spin_scale: float
     noise: WrenchUncertainty
+    looks: int
 
 
 class CarriedLoad(NamedTuple):
@@ -63,23 +65,18 @@ class PadLoad:
     """Mean load of one pad, and what limits it.
 
     Args:
-        finger: The finger.
-        place: Pose of its pad.
+        placed: The finger, and the place of its pad.
 
     Attributes:
-        finger: As given.
-        place: As given.
+        finger: The finger.
+        place: Pose of its pad.
         normal_n: Normal force, N: the mean, or the newest where that is less.
     """
 
-    def __init__(self, finger: Finger, place: Place) -> None:
-        self.finger, self.place, self.normal_n = finger, place, math.nan
-        self._turn = np.ascontiguousarray(place.rotation.T)
-        self._mean, self._count = np.zeros(6), 0
-
-    def forget(self) -> None:
-        """Forget the load."""
-        self._count = 0
+    def __init__(self, placed: PlacedFinger) -> None:
+        (self.finger, self.place), self.normal_n = placed, math.nan
+        self._turn = np.ascontiguousarray(self.place.rotation.T)
+        self._mean = np.zeros(6)
 
     def held_wrench(self) -> Sequence[float] | None:
         """Return the newest wrench of the finger; None where it is not trusted, or the finger holds nothing firmly."""
@@ -87,35 +84,37 @@ class PadLoad:
         firm = state.contact is not None and state.contact.valid and state.verdict.level != "slipping"
         return state.wrench if firm and is_trusted(state.verdict) else None
 
-    def update(self, wrench: Sequence[float]) -> float:
-        """Add a reading; return the weight of the newest in the mean."""
-        self._count = min(self._count + 1, MEMORY_READINGS)
-        self._mean = self._mean + (np.array(wrench) - self._mean) / self._count
+    def update(self, wrench: Sequence[float], looks: int) -> None:
+        """Let a reading count for 1 of ``looks`` in the mean."""
+        self._mean = self._mean + (np.array(wrench) - self._mean) / looks
         self.normal_n = min(-float(self._mean[2]), -wrench[2])
-        return 1.0 / self._count
 
-    def known(self, t_ns: int) -> KnownContact | str:
-        """Return what limits the contact at ``t_ns``; where something of it is not known, the reason for people."""
+    def contact(self, t_ns: int, looks: int) -> KnownContact:
+        """Return what limits the contact at ``t_ns``, with so many looks in the mean.
+
+        Raises:
+            NotKnownError: Something of it is not known.
+        """
         finger, state, name = self.finger, self.finger.state, f"finger {self.finger.name}"
         force, pad, contact, friction = finger.force, finger.config.pad, state.contact, state.friction
         if force is None:
-            return f"{name} has no force sensor"
+            raise NotKnownError(f"{name} has no force sensor")
         if contact is None or not is_trusted(state.verdict):
-            return f"{name}: {', '.join(state.verdict.reasons) or state.verdict.level}"
+            raise NotKnownError(f"{name}: {', '.join(state.verdict.reasons) or state.verdict.level}")
         if not contact.valid:
-            return f"{name} touches nothing"
+            raise NotKnownError(f"{name} touches nothing")
         if state.verdict.level == "slipping":
-            return f"{name} slips"
+            raise NotKnownError(f"{name} slips")
         if force.gravity.state(t_ns) == "unknown_orientation":
-            return f"{name}: its own weight is not known (weight_unknown)"
+            raise NotKnownError(f"{name}: its own weight is not known (weight_unknown)")
         if state.load_distribution is None or pad is None or math.isnan(contact.spin_nm):
-            return f"{name}: the torque that its contact can carry is not known (rotation_unobserved)"
+            raise NotKnownError(f"{name}: the torque that its contact can carry is not known (rotation_unobserved)")
         if friction is None or not friction.mu:
-            return f"{name}: no friction is known (no_mu)"
-        if self._count == 0:
-            return f"{name}: its load is not known yet"
+            raise NotKnownError(f"{name}: no friction is known (no_mu)")
+        if looks == 0:
+            raise NotKnownError(f"{name}: its load is not known yet")
         low = friction.mu if friction.mu_low is None else min(friction.mu, friction.mu_low)
-        return KnownContact(state.load_distribution, 0.5 * pad.pitch_m, low, friction.spin_scale, force.noise)
+        return KnownContact(state.load_distribution, 0.5 * pad.pitch_m, low, friction.spin_scale, force.noise, looks)
 
     def carried(self, width_m: float | None) -> CarriedLoad:
         """Return what the pad carries in the mean, at a width between the pads."""
@@ -140,7 +139,7 @@ class PadLoad:
         distribution, outline, noise = contact.distribution, contact.distribution.outline, contact.noise
         net = twist_net(distribution.x, distribution.y, distribution.shares, cx, cy)
         at_origin = np.hypot(net[0] + net[2] * cy, net[1] - net[2] * cx)
-        noisy = np.hypot(at_origin * noise.force_std_n, net[2] * noise.torque_std_nm) * (Z / math.sqrt(self._count))
+        noisy = np.hypot(at_origin * noise.force_std_n, net[2] * noise.torque_std_nm) * (Z / math.sqrt(contact.looks))
         return HeldPad(
             self._turn, self._turn @ com_m, np.abs(self._turn) @ com_error_m, np.array((fx, fy, spin)), self.normal_n,
             np.sort((0.5, share)), np.sort((0.5, spin_share)), mass_kg, contact.mu, contact.spin_scale,

@@ -132,12 +132,11 @@ class MotionPublisher:
         self._pace = Pace(MOST_HZ)
 
     def publish(self, t_ns: int, out: list[Output]) -> int:
-        """Follow the loads, append the message at ``t_ns`` where it is due, and return when to call this again."""
-        looks_ns = self._advice.follow(t_ns)
+        """Append the message at ``t_ns`` where it is due; return when the next one is."""
         if self._pace.passes(t_ns, self._view.level()):
             body = motion_body(self._advice, self._advice.limits(t_ns, self._gripper.width_m))
             out.append(self._sequencer.message(MOTION_TOPIC, t_ns, GRASP_FRAME, body))
-        return min(looks_ns, self._pace.due_ns)
+        return self._pace.due_ns
 
 
 def motion_body(advice: MotionAdvice, limits: MotionLimits) -> Body:

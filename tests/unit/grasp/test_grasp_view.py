@@ -16,6 +16,7 @@ from pad_wrenches import finger_load, pad_wrench
 
 from slipd import config
 from slipd.config import Config, Levels
+from slipd.grasp.grasp_fingers import place_fingers
 from slipd.grasp.grasp_view import GraspView, HoldState
 from slipd.grasp.object_estimate import NOTHING_HELD
 from slipd.publish.finger_messages import slip_body
@@ -44,7 +45,7 @@ class Hand:
 
     def __init__(self, rig: Config, wrench: Wrench, image: Image) -> None:
         self.fingers = {name: known_finger(name, finger, Levels()) for name, finger in rig.finger.items()}
-        self.view = GraspView(rig.grasp, self.fingers)
+        self.view = GraspView(place_fingers(rig.grasp, self.fingers))
         self._wrench, self._image = wrench, image
 
     def press(self, name: str, *contact: Any, t_ns: int = T0, counts: np.ndarray | None = FULL, **more: Any) -> None:
@@ -183,7 +184,7 @@ def test_wrenches_of_both_pads_add_up_to_the_external_wrench(hand: Hand) -> None
     for name, centre in (("left", at), ("right", (at[0], -at[1]))):
         force, torque = pad_wrench(finger_load(load, right=name == "right"), normal_n, centre)
         read_force(hand.fingers[name], WrenchSample(T0, None, force, torque, ()))
-    view = GraspView(grasp, hand.fingers)
+    view = GraspView(place_fingers(grasp, hand.fingers))
     view.update(WIDTH_M)
     body = grasp_body(view, HoldState(), NOTHING_HELD, T0)
     assert body["external_force_n"] == pytest.approx([-0.7, 0.0, 2.5])

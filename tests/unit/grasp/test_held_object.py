@@ -18,6 +18,7 @@ from slipd import config
 from slipd.devices import bota
 from slipd.events import Bytes
 from slipd.grasp import held_object, object_estimate
+from slipd.grasp.grasp_fingers import place_fingers, weighed_fingers
 from slipd.grasp.object_estimate import NamedObject
 from slipd_client.messages import Health
 
@@ -236,6 +237,6 @@ def test_D6_a_course_of_an_object(name: str) -> None:
 def test_load_is_read_every_20_ms_where_two_force_sensors_see_a_grasp() -> None:
     run, blind = HeldRun(), ArmRun(ONE_SENSOR)
     grasp, fingers, t_ns = config.parse(RIG, "test").grasp, run.engine._fingers, run.t_ns + 1_000_000_000
-    held = held_object.HeldObject(grasp, fingers, None, NamedObject())
-    assert held.update(t_ns, None) == held.update(t_ns + 1, None) == t_ns + held_object.PERIOD_NS
+    weighed, known = weighed_fingers(place_fingers(grasp, fingers)), held_object.KnownObjects(NamedObject(), 0.0)
+    assert held_object.HeldObject(weighed, None, known).update(t_ns, None) == t_ns + held_object.PERIOD_NS
     follow(blind, [tick, unknown(held_object.NO_SENSOR.unknown)])

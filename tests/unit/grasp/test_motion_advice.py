@@ -236,7 +236,6 @@ def test_a_contact_that_ended_begins_with_new_loads() -> None:
     advised.fingers["left"].state.verdict = PAD_FREE
     advised.fingers["left"].state.reading = None
     advised.look()
-    assert advised.advice.follow(advised.t_ns) > advised.t_ns, "not due"
     advised.held.state = NOTHING_HELD
     advised.feel(DOWN, STILL)
     advised.held.state = advised.own

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from slipd.grasp.grasp_view import Place
+from slipd.grasp.grasp_fingers import Place
 from slipd.signals.gravity import STANDARD_GRAVITY_MPS2, FingerWeight, gravity_at
 from slipd.tools.sim.hand_commands import Command, CommandError
 from slipd.types.arrays import Array

@@ -22,7 +22,7 @@ from slipd import config
 from slipd.config.config_file import key_lines, lines_of
 from slipd.devices import DEVICES
 from slipd.errors import ConfigError, ConfigFault
-from slipd.grasp.grasp_view import Place
+from slipd.grasp.grasp_fingers import Place
 from slipd.signals.gravity import FingerWeight
 from slipd.signals.mounting import mounting_matrix
 from slipd.signals.pad import PadGeometry
