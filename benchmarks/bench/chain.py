@@ -46,40 +46,27 @@ class _Side:
         return f"{heard.bytes[TOPIC]:.0f} bytes in {len(heard.keys[TOPIC])} keys"
 
 
-def run(
-    folder: Path,
-    built: processes.FloorProgram | str,
-    *,
-    rounds: int,
-    seconds: float,
-    warm_up_s: float,
-    poll: bool = False,
-) -> Table:
-    """Measure, ``seconds`` a round; the daemon polls or sleeps between readings."""
+def run(folder: Path, built: processes.FloorProgram | str, *, rounds: int, seconds: float, warm_up_s: float) -> Table:
+    """Measure, ``seconds`` a round."""
     forces = traffic.grip(round((seconds + warm_up_s) * traffic.WRENCH_HZ), traffic.WRENCH_HZ)
     stream = traffic.Stream(STREAM, traffic.wrench_frames(forces, traffic.PATCH, 0), traffic.WRENCH_HZ)
     ours, theirs = _Side(), _Side()
     for _ in range(rounds):
-        ours.rounds.append(_round(folder, stream, None, warm_up_s, poll=poll))
+        ours.rounds.append(_round(folder, stream, None, warm_up_s))
         if isinstance(built, processes.FloorProgram):
             theirs.rounds.append(_round(folder, stream, built, warm_up_s))
     title = f"Chain: one force sensor, {traffic.WRENCH_HZ} readings/s, {rounds} x {seconds:g} s each, µs"
-    if poll:
-        title += "; the daemon polls ([realtime] poll = true)"
     if isinstance(built, str):
         return _alone(title, ours, built)
     return _beside(title, ours, theirs)
 
 
 def _round(
-    folder: Path, stream: traffic.Stream, built: processes.FloorProgram | None, warm_up_s: float, *, poll: bool = False
+    folder: Path, stream: traffic.Stream, built: processes.FloorProgram | None, warm_up_s: float
 ) -> processes.Measured:
     rates = {"slip_hz": 1.0, "wrench_hz": traffic.EVERY_READING_HZ}
     with processes.Lines([STREAM]) as lines:
-        if built is None:
-            serving = processes.daemon(folder, lines, rates, f"\n[realtime]\npoll = {str(poll).lower()}\n")
-        else:
-            serving = processes.floor(folder, lines, built)
+        serving = processes.daemon(folder, lines, rates) if built is None else processes.floor(folder, lines, built)
         with serving as served:
             return processes.measure(
                 served,

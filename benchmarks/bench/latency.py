@@ -39,15 +39,7 @@ QUICK_SECONDS, QUICK_ROUNDS, QUICK_WARM_UP_S = 0.5, 1, 1.5
 SHORTEST_S, LONGEST_S = 0.1, 20.0
 """Less has no percentiles; the readings carry their number as a pull, which grows too large for the grip in more."""
 
-PARTS = (
-    "chain",
-    "polling",
-    "load",
-    "recording",
-    "replay",
-    "ratios",
-    "million",
-)
+PARTS = ("chain", "load", "recording", "replay", "ratios", "million")
 
 FULL_LOAD_TIMES = 6
 """The full load takes as many times as long as a round, to show what builds up."""
@@ -93,9 +85,9 @@ def _measure(part: str, seconds: float, rounds: int, *, quick: bool) -> Iterable
 def _in_folder(part: str, folder: Path, seconds: float, rounds: int, *, quick: bool) -> Iterable[Table]:
     """The tables of a part that needs a folder for sockets, programs and recordings."""
     warm_up_s = QUICK_WARM_UP_S if quick else WARM_UP_S
-    if part in ("chain", "polling"):
-        built, poll = processes.build_floor(folder), part == "polling"
-        return [chain.run(folder, built, rounds=rounds, seconds=seconds, warm_up_s=warm_up_s, poll=poll)]
+    if part == "chain":
+        built = processes.build_floor(folder)
+        return [chain.run(folder, built, rounds=rounds, seconds=seconds, warm_up_s=warm_up_s)]
     if part == "load":
         return full_load.run(folder, seconds=FULL_LOAD_TIMES * seconds, warm_up_s=warm_up_s)
     if part == "recording":

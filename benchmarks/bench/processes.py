@@ -107,12 +107,10 @@ class Served:
 
 
 @contextlib.contextmanager
-def daemon(
-    folder: Path, lines: Lines, rates: dict[str, Any], extra: str = "", *, record: Path | None = None
-) -> Iterator[Served]:
-    """The daemon, as ``slipd run`` starts it, once it has opened all its ports; ``extra`` ends its config."""
+def daemon(folder: Path, lines: Lines, rates: dict[str, Any], *, record: Path | None = None) -> Iterator[Served]:
+    """The daemon, as ``slipd run`` starts it, once it has opened all its ports."""
     config = folder / "rig.toml"
-    config.write_text(traffic.config_text(lines.path, rates) + extra)
+    config.write_text(traffic.config_text(lines.path, rates))
     command = [sys.executable, "-m", "slipd", "run", "--config", str(config)]
     command += [] if record is None else ["--record", str(record)]
     environment = os.environ | {"SLIPD_RUNTIME_DIR": str(folder / "run")}

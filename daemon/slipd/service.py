@@ -22,7 +22,7 @@ from slipd.compile_kernels import compile_kernels, interruptible
 from slipd.config import Config, hints, load
 from slipd.errors import SlipdError, one_line
 from slipd.events import Event, HostNotice
-from slipd.io.event_loop import PollingSelector, Ticker, realtime_priority
+from slipd.io.event_loop import Ticker, realtime_priority
 from slipd.io.run_signals import EndSignals, changed_config, kept_text, reload_requests
 from slipd.io.systemd import SystemdNotifier, watch_stages
 from slipd.io.transport import Links
@@ -183,18 +183,16 @@ def run_command(config: Path, record: Path | None) -> None:
         ConfigError: The config cannot be read or has faults.
         SlipdError: The daemon cannot start, or its recording failed.
     """
-    selector = PollingSelector()
-    with asyncio.Runner(loop_factory=lambda: asyncio.SelectorEventLoop(selector)) as runner:
-        try:
-            runner.run(serve_file(config, record, selector))
-        except BaseExceptionGroup as group:
-            first: BaseException = group
-            while isinstance(first, BaseExceptionGroup):  # the first failure inside task groups
-                first = first.exceptions[0]
-            raise first from group
+    try:
+        asyncio.run(serve_file(config, record))
+    except BaseExceptionGroup as group:
+        first: BaseException = group
+        while isinstance(first, BaseExceptionGroup):  # the first failure inside task groups
+            first = first.exceptions[0]
+        raise first from group
 
 
-async def serve_file(file: Path, record: Path | None, selector: PollingSelector) -> None:
+async def serve_file(file: Path, record: Path | None) -> None:
     """Run the daemon until SIGINT or SIGTERM; a run that has begun always closes its recordings.
 
     SIGHUP reads the file again. A changed config starts a new run in this process, with a boot id of its own: as after
@@ -208,7 +206,6 @@ async def serve_file(file: Path, record: Path | None, selector: PollingSelector)
     Args:
         file: The config.
         record: As for `slipd.service.serve`; later runs record beside it, to files with a number.
-        selector: That of the running loop; it polls where the config in force has ``[realtime] poll``.
 
     Raises:
         SlipdError: The first run cannot start, neither the changed config nor the one before can, or the recording of a
@@ -228,7 +225,6 @@ async def serve_file(file: Path, record: Path | None, selector: PollingSelector)
     hangup = [signal.SIGHUP] if requested is None else []  # ends the daemon where it does not reload
     with EndSignals(signal.SIGINT, signal.SIGTERM, *hangup) as ends:
         while not ends.received:
-            selector.polls = config.realtime.poll
             for hint in hints(config, str(file)) if refused is None else ():
                 _log.warning("%s", hint)
             changed = None if requested is None else partial(changed_config, file, requested)

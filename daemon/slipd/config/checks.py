@@ -122,9 +122,6 @@ def _service_faults(config: Config) -> Iterator[Fault]:
     if limits.keep_bytes < 2 * limits.file_bytes:
         rule = f"must be at least twice recording.continuous.file_bytes, {limits.file_bytes}, got {limits.keep_bytes}"
         yield "recording.continuous.keep_bytes", rule
-    if config.realtime.poll and config.realtime.priority:
-        rule = "must be false where realtime.priority is set: the kernel stops a real-time program that never sleeps"
-        yield "realtime.poll", rule
 
 
 def gripper_faults(gripper: Gripper) -> Iterator[Fault]:

@@ -3,20 +3,16 @@
 The engine measures with its ticks how late the daemon is. It cannot see whether bytes that arrived during a stall still
 wait to be read. The ticker finds out from the event loop, and the answer enters the engine with the tick.
 
-Other programs of the robot PC do not delay a warning of a loop with real-time priority. Waking up takes time, and what
-a process computes just after it slept takes several times as long as what it computes while awake
-(docs/measured/bench.md): a loop may poll instead, which costs a whole processor.
+Other programs of the robot PC do not delay a warning of a loop with real-time priority.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-import math
 import os
 import time
 from collections.abc import Callable, Iterator
-from selectors import EpollSelector, SelectorKey
 
 from slipd.events import Tick
 from slipd.finger.freshness import LATE_NS
@@ -141,23 +137,3 @@ def realtime_priority(priority: int) -> Iterator[str]:
         yield ""
     finally:  # without the flag, this needs a right that only root has
         os.sched_setscheduler(0, os.SCHED_OTHER | os.SCHED_RESET_ON_FORK, os.sched_param(0))
-
-
-class PollingSelector(EpollSelector):
-    """A selector for asyncio that waits as its base does, or polls.
-
-    Attributes:
-        polls: It polls instead of sleeping.
-    """
-
-    polls = False
-
-    def select(self, timeout: float | None = None) -> list[tuple[SelectorKey, int]]:
-        """Return the events; wait for one up to ``timeout``, s, and without end where it is None."""
-        if not self.polls:
-            return super().select(timeout)
-        end_s = math.inf if timeout is None else time.monotonic() + timeout
-        events = super().select(0)
-        while not events and time.monotonic() < end_s:
-            events = super().select(0)
-        return events

@@ -201,7 +201,6 @@ WHOLE = [
         "recording.continuous.keep_bytes",
         "must be at least twice recording.continuous.file_bytes, 200000000, got 399999999",
     ),
-    ("[levels]", "[realtime]\npoll = true\npriority = 10\n[levels]", "realtime.poll", "never sleeps"),
 ]
 IMPOSSIBLE = [
     (
@@ -342,7 +341,6 @@ def test_G3_a_value_that_does_not_fit_is_refused_with_its_line(old: str, new: st
         )),
         ("[levels]", f'[bus]\nrequests = "tcp://10.0.0.7:*"\n{SECRET}{REQUESTERS}[levels]'),
         ("[levels]", f'[bus]\npublish = "tcp://*:*"\nrequests = "tcp://*:*"\n{SECRET}{READERS}{REQUESTERS}[levels]'),
-        ("[levels]", "[realtime]\npoll = true\n[levels]"),
         ("[levels]", "[recording.continuous]\nkeep_bytes = 400_000_000\n[levels]"),  # room for two files
         ("rate_hz = 800", "rate_hz = 800\nbaud = 296000"),
         ("rate_hz = 60.0", "rate_hz = 5.0\nstale_s = 2.0\ndelay_s = 1.0\npoll_s = 1.0"),

@@ -1,19 +1,14 @@
-"""Real-time priority where it is permitted, and a loop that polls."""
+"""Real-time priority where it is permitted."""
 
 from __future__ import annotations
 
 import os
-import socket
 import subprocess
 import sys
-import threading
-import time
-from collections.abc import Iterator
-from selectors import EVENT_READ
 
 import pytest
 
-from slipd.io.event_loop import PollingSelector, realtime_priority
+from slipd.io.event_loop import realtime_priority
 
 SHOW = """
 import os, resource, sys
@@ -74,46 +69,3 @@ def test_a_priority_is_that_of_the_thread_alone_and_ends_with_the_run() -> None:
         pytest.skip("this user may not use real-time priorities")
     usual = f"{os.SCHED_OTHER} 0"
     assert done.stdout.splitlines() == [f"{os.SCHED_FIFO} 10", usual, usual, usual], done.stderr
-
-
-BYTES = 60
-
-
-Wait = tuple[PollingSelector, socket.socket, socket.socket]
-
-
-@pytest.fixture(params=[False, True], ids=["sleeps", "polls"])
-def wait(request: pytest.FixtureRequest) -> Iterator[Wait]:
-    """A selector, the socket that it watches, and the other end."""
-    reading, writing = socket.socketpair()
-    with PollingSelector() as selector, reading, writing:
-        selector.polls = request.param
-        selector.register(reading, EVENT_READ)
-        yield selector, reading, writing
-
-
-@pytest.mark.parametrize("timeout_s", [None, 30.0])
-def test_every_event_of_another_thread_ends_a_wait(wait: Wait, timeout_s: float | None) -> None:
-    selector, reading, writing = wait
-
-    def feed() -> None:
-        for _ in range(BYTES):
-            time.sleep(0.001)
-            writing.send(b"x")
-
-    thread = threading.Thread(target=feed)
-    thread.start()
-    got = 0
-    while got < BYTES:
-        [(key, events)] = selector.select(timeout_s)
-        assert (key.fileobj, events) == (reading, EVENT_READ)
-        got += len(reading.recv(BYTES))
-    thread.join()
-    assert selector.select(0) == []
-
-
-@pytest.mark.parametrize("timeout_s", [-1.0, 0.0, 0.02])
-def test_a_wait_without_an_event_lasts_as_long_as_it_may(wait: Wait, timeout_s: float) -> None:
-    before_s = time.monotonic()
-    assert wait[0].select(timeout_s) == []
-    assert time.monotonic() - before_s >= timeout_s
