@@ -248,15 +248,14 @@ COMMANDS = (
                 metavar="DIR",
                 help="folder for ports and copy (default: a temporary one)",
             ),
-            argument("--script", type=Path, metavar="FILE", help="carry out the commands of this file first"),
             argument(
                 "--unkind", action="store_true", help="give the sensors the clocks, taxels and lines of real ones"
             ),
             SEED,
         ),
         "The sensors are mounted as the config states. Run the daemon with the copy of the config whose path is "
-        "printed last: it has the addresses of the emulated devices. If you change it, your config with these changes "
-        "is written to the working directory at the end. docs/emulation.md lists the commands. Ctrl-C ends it.",
+        "printed last: it has the addresses of the emulated devices. If you change it, it is kept at the end, under "
+        "another name. docs/emulation.md lists the commands. Ctrl-C ends it.",
     ),
     Command(
         "touch",

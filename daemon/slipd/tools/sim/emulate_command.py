@@ -1,23 +1,19 @@
 """``slipd emulate``: every device of a config on real lines, pressed by commands, which ``slipd touch`` sends.
 
-Commands come from a script, from standard input, and from a local socket, one a line (`slipd.tools.sim.hand_commands`).
+Commands come from standard input and from a local socket, one a line (`slipd.tools.sim.hand_commands`).
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-import itertools
-import json
 import socket
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
-from difflib import SequenceMatcher
+import zlib
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 from slipd import config
-from slipd.config.config_file import ENCODING
 from slipd.errors import SlipdError, UsageError
 from slipd.tools.shipped_files import shipped_config
 from slipd.tools.sim.emulate import (
@@ -31,45 +27,46 @@ from slipd.tools.sim.emulate import (
 )
 from slipd.tools.sim.hand import PadLoad
 from slipd.tools.sim.hand_commands import END, ERROR, HELP, OK, SOCKET, CommandError, parse_command
-from slipd.tools.sim.touched_devices import TouchedDevices, pad_reaches, with_other_port
+from slipd.tools.sim.touched_devices import TouchedDevices
 
 
-def emulate_command(file: Path, folder: Path | None, script: Path | None, seed: int, *, unkind: bool = False) -> None:
+def emulate_command(file: Path, folder: Path | None, seed: int, *, unkind: bool = False) -> None:
     """Emulate the devices of a config until Ctrl-C, SIGTERM, ``quit`` or the end of standard input.
 
     Args:
         file: The config, or the name of a shipped one.
         folder: For its copy, the socket and the pseudo-terminals; created if missing. None: a temporary one. A copy
-            that was changed, as by ``slipd commission``, is kept in the working directory.
-        script: Commands to carry out first.
+            that was changed, as by ``slipd commission``, stays there.
         seed: Seed of the noise.
         unkind: Whether the sensors are as unkind as real ones.
 
     Raises:
         ConfigError: The config has faults.
-        SlipdError: A line cannot be served, or a line of the script is wrong.
+        SlipdError: A line cannot be served, or the copy would replace a file that no emulation wrote.
         UsageError: The folder cannot be created.
     """
     if not file.exists() and file.name == str(file) and not file.suffix:
         file = shipped_config(str(file))
     rig = config.load(file)
-    lines = _script_lines(script, rig)
-    with contextlib.ExitStack() as stack:
-        if folder is None:
-            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="slipd-emulated-")))
-        try:
-            folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        except OSError as error:
-            raise UsageError(f"--dir {folder}: cannot be created: {error.strerror}") from None
-        try:
-            _check_free(folder)
-            devices = TouchedDevices(rig, folder.absolute(), seed, unkind=unkind)
-            place = folder.absolute() / file.name
-            stack.enter_context(emulated_copy(place, devices.config_text(), file, devices.addresses))
+    temporary = folder is None
+    folder = Path(tempfile.mkdtemp(prefix="slipd-emulated-")) if folder is None else folder
+    try:
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    except OSError as error:
+        raise UsageError(f"--dir {folder}: cannot be created: {error.strerror}") from None
+    try:
+        _check_free(folder)
+        devices = TouchedDevices(rig, folder.absolute(), seed, unkind=unkind)
+        place = folder.absolute() / file.name
+        with emulated_copy(place, devices.config_text(), file):
             prepare_process()
-            asyncio.run(_serve(devices, place, lines))
-        except (OSError, ValueError) as error:
-            raise SlipdError(f"cannot emulate {file}: {error}") from error
+            asyncio.run(_serve(devices, place))
+    except (OSError, ValueError) as error:
+        raise SlipdError(f"cannot emulate {file}: {error}") from error
+    finally:
+        if temporary:
+            with contextlib.suppress(OSError):  # a copy that was changed stays in it
+                folder.rmdir()
 
 
 def _check_free(folder: Path) -> None:
@@ -79,27 +76,7 @@ def _check_free(folder: Path) -> None:
         raise SlipdError(f"{folder}: an emulation runs there; end it, or give another --dir")
 
 
-def _script_lines(script: Path | None, rig: config.Config) -> list[str]:
-    """Return the commands of a script, once all are right."""
-    if script is None:
-        return []
-    try:
-        lines = script.read_text(encoding="utf-8").splitlines()
-    except OSError as error:
-        raise UsageError(f"{script}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise UsageError(f"{script}: cannot be read: it is not UTF-8 text") from None
-    fingers = pad_reaches(rig)
-    for number, line in enumerate(lines, start=1):
-        try:
-            for part in line.partition("#")[0].split(";"):
-                parse_command(part, fingers)
-        except CommandError as error:
-            raise SlipdError(f"{script}:{number}: {error}") from None
-    return lines
-
-
-async def _serve(devices: TouchedDevices, written: Path, script: list[str]) -> None:
+async def _serve(devices: TouchedDevices, written: Path) -> None:
     desk = _Desk(devices)
     place = written.with_name(SOCKET)
     async with emulated(devices.devices) as lines:
@@ -111,7 +88,7 @@ async def _serve(devices: TouchedDevices, written: Path, script: list[str]) -> N
         print(f"commands: slipd touch {place.parent} help\nby mouse: slipctl view --emulation {place.parent}")
         print(f"config: {written}", flush=True)
         try:
-            await run_until_ended(run(lines, desk.advance), desk.serve_script(script), stop=desk.stop)
+            await run_until_ended(run(lines, desk.advance), desk.serve_standard_input(), stop=desk.stop)
         finally:
             server.close()
             place.unlink(missing_ok=True)
@@ -128,10 +105,7 @@ class _Desk:
         self._t_ns = t_ns
         self._devices.advance(t_ns)
 
-    async def serve_script(self, script: list[str]) -> None:
-        """Carry out the script, then the lines of standard input."""
-        for line in script:
-            await self.carry_out(line, print)
+    async def serve_standard_input(self) -> None:
         async for line in standard_input():
             await self.carry_out(line, lambda text: print(text, flush=True))
 
@@ -184,102 +158,45 @@ def load_text(name: str, load: PadLoad) -> str:
     )
 
 
-RECORD = ".{name}.emulated"
-"""Name of the file beside the copy that holds the copy as it was written, and the config that it comes from."""
+HEAD = "# Copy of a config, with the addresses of emulated devices. Checksum of the lines below: {:08x}"
+"""First line of a copy: by its checksum, a copy that was changed is known."""
 
 
 @contextlib.contextmanager
-def emulated_copy(path: Path, text: str, source: Path, addresses: Mapping[str, str]) -> Iterator[None]:
-    """Write the copy of a config for the time of the emulation; what changed in it then is kept.
+def emulated_copy(path: Path, text: str, source: Path) -> Iterator[None]:
+    """Write the copy of a config for the time of the emulation; if it was changed then, it stays under another name.
 
     Args:
-        path: Of the copy. One that an emulation left when it was killed is replaced, and its changes are kept.
+        path: Of the copy. One that an emulation left when it was killed makes room for it likewise.
         text: The copy.
         source: The config.
-        addresses: Address of the emulated device of each port of the config.
 
     Raises:
         SlipdError: The copy would replace the config, or a file that no emulation wrote.
     """
-    record_path = path.with_name(RECORD.format(name=path.name))
     if path.exists():
         if path.samefile(source):
             raise SlipdError(f"{path}: --dir must not be the folder of the config, whose copy would replace it")
-        try:
-            left = json.loads(record_path.read_text(encoding="utf-8"))
-        except (OSError, ValueError):
-            raise SlipdError(f"{path} exists, and no emulation wrote it: move it away, or give another --dir") from None
-        _keep_changes(path, left, "before the last emulation was killed")
-    record = {"source": source.read_text(encoding=ENCODING), "copy": text, "addresses": dict(addresses)}
-    for file, content in ((record_path, json.dumps(record)), (path, text)):
-        file.unlink(missing_ok=True)
-        file.touch(0o600, exist_ok=False)
-        file.write_text(content, encoding="utf-8")
+        _put_away(path)
+    path.touch(0o600, exist_ok=False)
+    path.write_text(f"{HEAD.format(zlib.crc32(text.encode()))}\n{text}", encoding="utf-8")
     try:
         yield
     finally:
         with contextlib.suppress(FileNotFoundError):
-            _keep_changes(path, record, "meanwhile")
-        path.unlink(missing_ok=True)
-        record_path.unlink(missing_ok=True)
+            _put_away(path)
 
 
-def _keep_changes(path: Path, record: Mapping[str, Any], when: str) -> None:
-    try:
-        now = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError:
-        raise SlipdError(f"{path}: changed {when}, and is not UTF-8 text now; it stays, move it away") from None
-    if now != record["copy"]:
-        text = with_changes(record["source"], record["copy"], now, record["addresses"])
-        kept = keep(text, path.name, Path.cwd())
-        print(f"the config was changed {when}; it is kept, with your ports, as {kept}", flush=True)
-
-
-ENDING = ".commissioned"
-"""Before the suffix of the name of a kept config."""
-
-
-def with_changes(source: str, copy: str, now: str, addresses: Mapping[str, str]) -> str:
-    """Return a config with the lines that changed in its copy; ports, identities and the bus stay its own.
-
-    Args:
-        source: The config.
-        copy: Its copy as it was written, line for line, with the addresses of the emulated devices.
-        now: The copy as it is now.
-        addresses: Address of the emulated device of each port of ``source``.
-    """
-    before, after, lines = copy.splitlines(), now.splitlines(), source.splitlines()
-    ports = {address: port for port, address in addresses.items()}
-    found: list[str] = []
-    for kind, first, last, new_first, new_last in SequenceMatcher(None, before, after, autojunk=False).get_opcodes():
-        if kind == "equal":
-            found += lines[first:last]
-        else:
-            found += [with_other_port(line, ports) for line in after[new_first:new_last]]
-    return "\n".join(found) + "\n"
-
-
-def keep(text: str, name: str, folder: Path) -> Path:
-    """Write a config under a name that is free, and return its path.
-
-    Args:
-        text: The config.
-        name: Name of the file that it comes from.
-        folder: Where to write it; if that fails, a new temporary folder takes its place.
-
-    Raises:
-        OSError: The temporary folder cannot be written either.
-    """
-    try:
-        return _write(text, name, folder)
-    except OSError:
-        return _write(text, name, Path(tempfile.mkdtemp(prefix="slipd-commissioned-")))
-
-
-def _write(text: str, name: str, folder: Path) -> Path:
-    stem, suffix = Path(name).stem, Path(name).suffix
-    names = (f"{stem}{ENDING}{f'-{number}' if number > 1 else ''}{suffix}" for number in itertools.count(1))
-    path = next(folder / name for name in names if not (folder / name).exists())
-    with path.open("x", encoding="utf-8") as file:
-        file.write(text)
-    return path
+def _put_away(path: Path) -> None:
+    """Delete a copy, or rename it if it was changed."""
+    first, _, text = path.read_bytes().partition(b"\n")
+    if not first.startswith(HEAD.partition("{")[0].encode()):
+        raise SlipdError(f"{path} exists, and no emulation wrote it: move it away, or give another --dir")
+    if first == HEAD.format(zlib.crc32(text)).encode():
+        path.unlink()
+        return
+    kept, number = path.with_stem(f"{path.stem}.commissioned"), 2
+    while kept.exists():
+        kept, number = path.with_stem(f"{path.stem}.commissioned-{number}"), number + 1
+    path.rename(kept)
+    print(f"the config was changed; it is kept, with the addresses of the emulated devices, as {kept}", flush=True)
