@@ -182,21 +182,33 @@ def check_readings(readings: Rows, streams: Rows) -> int:
 @compiled_part
 def _follow_run(stream: Row, t_ns: int, repeats: bool, gap: bool) -> None:
     """Count equal readings; a run that ends by itself, and was never reported as stuck, is usual for the sensor."""
-    longest, equal = stream["longest"], stream["equal"]
-    if gap or not repeats:
-        if not gap and stream["fault_before"] != STUCK and equal > longest[0]:
-            longest[0] = min(equal, longest[1])
-            longest[1] = min(max(equal, longest[1]), longest[2])
-            longest[2] = max(equal, longest[2])
-        equal = 0
-    if repeats and equal == 0:
-        since_ns = t_ns if gap else stream["last_ns"]
-        age_ns = since_ns - stream["habit_since_ns"]
-        if age_ns > HABIT_NS:
-            stream["habit_before"], stream["habit_since_ns"] = longest[0] if age_ns <= 2 * HABIT_NS else 0, since_ns
-            longest[:] = 0
-        stream["since_ns"], stream["habit"] = since_ns, max(stream["habit_before"], longest[0])
-    stream["equal"] = equal + 1 if repeats else 0
+    if not (repeats or gap) and stream["fault_before"] != STUCK:
+        _learn_run(stream["longest"], stream["equal"])
+    if not repeats:
+        stream["equal"] = 0
+    elif gap or stream["equal"] == 0:
+        _begin_run(stream, t_ns if gap else stream["last_ns"])
+    else:
+        stream["equal"] += 1
+
+
+@compiled_part
+def _learn_run(longest: Row, equal: int) -> None:
+    """Insert a run into the three longest, which are in rising order, where it is longer than one of them."""
+    if equal > longest[0]:
+        longest[0] = min(equal, longest[1])
+        longest[1] = min(max(equal, longest[1]), longest[2])
+        longest[2] = max(equal, longest[2])
+
+
+@compiled_part
+def _begin_run(stream: Row, since_ns: int) -> None:
+    """Begin a run with the reading of ``since_ns``, and take over what is usual from the last 10 to 20 s."""
+    longest, age_ns = stream["longest"], since_ns - stream["habit_since_ns"]
+    if age_ns > HABIT_NS:
+        stream["habit_before"], stream["habit_since_ns"] = longest[0] if age_ns <= 2 * HABIT_NS else 0, since_ns
+        longest[:] = 0
+    stream["equal"], stream["since_ns"], stream["habit"] = 1, since_ns, max(stream["habit_before"], longest[0])
 
 
 @compiled_part
@@ -211,11 +223,9 @@ def _find_impossible(stream: Row, wrench: Row) -> tuple[bool, bool]:
     jumps = math.hypot(math.hypot(x, y), z) >= stream["jump_n"]
     possible = math.hypot(math.hypot(wrench[0], wrench[1]), wrench[2]) <= stream["range_n"]
     impossible = not possible or math.hypot(math.hypot(wrench[3], wrench[4]), wrench[5]) > stream["range_nm"]
-    along = step_n[0] * x + step_n[1] * y + step_n[2] * z
-    step_n[0], step_n[1], step_n[2] = x, y, z
-    if not (impossible or jumps):
-        step_n[0] = math.nan
-    elif impossible or along < 0.0:
+    jumps_back = jumps and step_n[0] * x + step_n[1] * y + step_n[2] * z < 0.0
+    step_n[0], step_n[1], step_n[2] = x if impossible or jumps else math.nan, y, z
+    if impossible or jumps_back:
         stream["impossible"] = min(stream["impossible"] + 1.0, MOST_IMPOSSIBLE) + FORGET
         stream["alert"] = True
     return impossible, jumps
@@ -223,15 +233,35 @@ def _find_impossible(stream: Row, wrench: Row) -> tuple[bool, bool]:
 
 @compiled_part
 def _find_fault(stream: Row, t_ns: int, gap: bool) -> int:
-    """Return the fault of the stream; 0 where it has none, and had none lately."""
-    equal, stuck_after, lasts_ns = stream["equal"], stream["stuck_after"], t_ns - stream["since_ns"]
-    hangs = equal >= HABITS * (stream["habit"] + 1) and stuck_after <= DEFAULT_REPEATS and lasts_ns >= HANG_NS
-    stuck = lasts_ns >= STUCK_NS if equal >= stuck_after else hangs
+    """Return the fault of the stream; 0 where it has none."""
+    stuck = _is_stuck(stream, t_ns)
     if not (gap or stuck or stream["alert"]):
         return 0
-    impossible, failed_ns = max(stream["impossible"] - FORGET, 0.0), stream["failed_ns"]
-    garbage = impossible >= MOST_IMPOSSIBLE or (stream["garbage"] and impossible > 0.0)
-    failing = stuck or gap or garbage
+    stream["impossible"] = max(stream["impossible"] - FORGET, 0.0)
+    garbage = stream["impossible"] >= MOST_IMPOSSIBLE or (stream["garbage"] and stream["impossible"] > 0.0)
+    stream["garbage"] = garbage
+    intermittent = _fails_often(stream, t_ns, gap or stuck or garbage)
+    stream["alert"] = stream["failing"] or stream["impossible"] > 0.0 or stream["failures"] > 0
+    if stuck:
+        return STUCK
+    if garbage:
+        return GARBAGE
+    return INTERMITTENT if intermittent else 0
+
+
+@compiled_part
+def _is_stuck(stream: Row, t_ns: int) -> bool:
+    """Return whether equal readings last too long: by their stated number, or by what is usual for the sensor."""
+    equal, stuck_after, lasts_ns = stream["equal"], stream["stuck_after"], t_ns - stream["since_ns"]
+    if equal >= stuck_after:
+        return bool(lasts_ns >= STUCK_NS)
+    return bool(equal >= HABITS * (stream["habit"] + 1) and stuck_after <= DEFAULT_REPEATS and lasts_ns >= HANG_NS)
+
+
+@compiled_part
+def _fails_often(stream: Row, t_ns: int, failing: bool) -> bool:
+    """Note whether the stream fails now; return whether it has failed often lately."""
+    failed_ns = stream["failed_ns"]
     if failing and not stream["failing"]:
         for i in range(FLICKERS - 1):
             failed_ns[i] = failed_ns[i + 1]
@@ -239,9 +269,5 @@ def _find_fault(stream: Row, t_ns: int, gap: bool) -> int:
         stream["failures"] = min(stream["failures"] + 1, FLICKERS)
     elif not failing and t_ns - failed_ns[FLICKERS - 1] > FLICKER_NS:
         stream["failures"] = 0
-    stream["impossible"], stream["garbage"], stream["failing"] = impossible, garbage, failing
-    stream["alert"] = failing or impossible > 0.0 or stream["failures"] > 0
-    if stuck or garbage:
-        return STUCK if stuck else GARBAGE
-    often = stream["failures"] == FLICKERS and failed_ns[FLICKERS - 1] - failed_ns[0] <= FLICKER_NS
-    return INTERMITTENT if often else 0
+    stream["failing"] = failing
+    return bool(stream["failures"] == FLICKERS and failed_ns[FLICKERS - 1] - failed_ns[0] <= FLICKER_NS)
