@@ -12,10 +12,10 @@ from slipd import config
 from slipd.devices import bota
 from slipd.events import WallClock
 from slipd.links.device_link import DeviceLink, make_links
-from slipd.links.link_health import link_condition
 from slipd.publish.message_sequencer import MessageSequencer
 from slipd.publish.status_publisher import StatusPublisher
-from slipd.requests.recording_state import RecordingState
+from slipd.publish.stream_health import link_condition
+from slipd.requests.handlers import RecordingState
 from slipd.rig import Rig
 from slipd_client.messages import Health
 

@@ -14,10 +14,10 @@ from slipd.config import Levels
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
 from slipd.finger.freshness import PROMPT, Arrival, Read
-from slipd.finger.stream_health import finger_conditions
 from slipd.fusion import torque_limit
 from slipd.fusion.friction_learning import learn
 from slipd.fusion.rows import READING, TOUCHING, new_rows
+from slipd.publish.stream_health import finger_conditions
 from slipd.types.arrays import Array
 from slipd.types.samples import TactileSample, WrenchSample
 from slipd_client.messages import Health

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from device_links import links  # noqa: F401 - a fixture
 from engine_rig import FULL_IMAGE, GRIPPER, LEFT, RIG, RIGHT, Run, wrench_of
 from run_courses import play
 

@@ -43,8 +43,7 @@ from slipd.publish.finger_messages import FingerPublisher
 from slipd.publish.grasp_messages import GraspPublisher, MotionPublisher, gripper_body
 from slipd.publish.message_sequencer import NO_FRAME, MessageSequencer
 from slipd.publish.status_publisher import StatusPublisher
-from slipd.requests.handlers import RequestHandlers
-from slipd.requests.recording_state import RecordingState
+from slipd.requests.handlers import RecordingState, RequestHandlers
 from slipd.rig import GRIPPER_LINK, Rig
 from slipd_client.messages import GRIPPER_TOPIC
 

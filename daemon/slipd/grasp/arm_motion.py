@@ -13,7 +13,6 @@ import numpy as np
 
 from slipd.config import Arm as ArmConfig
 from slipd.config import stale_after_ns
-from slipd.finger.stream_health import Condition
 from slipd.grasp.arm_check import SHIFTS_NS, ArmCheck
 from slipd.grasp.arm_gravity import ArmGravity
 from slipd.grasp.grasp_fingers import WeighedFinger
@@ -199,7 +198,7 @@ class ArmMotion:
         """Return whether the gravity of a finger comes from the arm at ``t_ns``."""
         return any(one.finger.name == finger for one in self._fingers) and self.is_used(t_ns)
 
-    def conditions(self) -> list[Condition]:
+    def conditions(self) -> list[tuple[Health, str]]:
         """Return why the readings are not used, for people; empty where they are."""
         if self._fault:
             return [(Health.ERROR, self._fault)]

@@ -12,7 +12,6 @@ from typing import cast
 from slipd.config import Gripper as GripperConfig
 from slipd.devices import GripperSession
 from slipd.finger.finger import Finger
-from slipd.finger.stream_health import Condition
 from slipd.gripper.commanded_motion import ARRIVED_M, CommandedMotion
 from slipd.gripper.grip_gate import judge, why_not_sent
 from slipd.gripper.grip_in_force import GripInForce, not_free
@@ -166,7 +165,7 @@ class GripperControl:
         self.session.acknowledge()
         return None
 
-    def conditions(self) -> list[Condition]:
+    def conditions(self) -> list[tuple[Health, str]]:
         """Return a grip of unknown force, the latched fault and a wrong width, for the status of the stream."""
         fault, sample, found = self.policy.fault, self.sample, []
         if self.policy.unknown:

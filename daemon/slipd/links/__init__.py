@@ -1,1 +1,1 @@
-"""Links: from which device a reading comes, when it was acquired, and what is wrong with a line; pure."""
+"""Links: from which device a reading comes, and when it was acquired; pure."""

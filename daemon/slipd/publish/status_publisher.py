@@ -13,14 +13,13 @@ from slipd.events import Body, HostNotice, IncidentsChanged, Output, RecordingCh
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
-from slipd.finger.stream_health import Condition, finger_conditions
 from slipd.gripper.gripper_control import GripperControl
 from slipd.links.device_link import DeviceLink
-from slipd.links.link_health import link_condition
 from slipd.links.stream_meter import StreamMeter
 from slipd.publish.finger_messages import friction_setter_body, tare_body
 from slipd.publish.grasp_messages import gripper_body, lease_body
 from slipd.publish.message_sequencer import NO_FRAME, MessageSequencer, Pace
+from slipd.publish.stream_health import Condition, finger_conditions, link_condition
 from slipd.rig import GRIPPER_LINK, Rig
 from slipd.types.arrays import finite_or_none
 from slipd_client.messages import STATUS_TOPIC, Health

@@ -1,17 +1,17 @@
-"""Answer requests: check each, carry it out at most once, and reply."""
+"""Answer requests: check each, carry it out at most once, and reply; the state of the recordings on request."""
 
 from __future__ import annotations
 
 import heapq
 import itertools
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
-from slipd.events import Body, RecordingChanged, Reply, Request
+from slipd.events import Body, Record, RecordingChanged, Reply, Request, WallClock
 from slipd.publish import replies
 from slipd.requests.finger_handlers import FingerHandlers, require_lease
 from slipd.requests.motion_handlers import Handler, check_motion, grip_handlers
-from slipd.requests.recording_state import RecordingState
 from slipd.requests.request_check import check_request
 from slipd.rig import Rig
 from slipd.types.permit import Refusal, RefusalError
@@ -116,6 +116,82 @@ class RequestHandlers:
             code = "no_room" if event.state == "limited" else "record_failed"
             reply |= replies.refused(number, Refusal(code, event.reason), t_ns)
         return Reply(request.client, reply)
+
+
+class RecordingState:
+    """Recordings of one run: one on request at a time, and one of the whole run where there is one.
+
+    The service writes the files. The daemon names them, as a name from a client could be any path.
+
+    Args:
+        boot: Id of this run.
+        wall: Wall clock of the run.
+
+    Attributes:
+        requested: The newest recording on request; its state is "none" before the first.
+        whole_run: The recording of the whole run; None where there is none.
+    """
+
+    def __init__(self, boot: str, wall: WallClock) -> None:
+        self._boot = boot
+        self._wall = wall
+        self._count = 0
+        self.requested = RecordingChanged("", "", "none")
+        self.whole_run: RecordingChanged | None = None
+        self._waiting: dict[str, tuple[Request, Body]] = {}
+        self._due: list[Record] = []
+
+    def start(self, request: Request, t_ns: int) -> Body:
+        """Start a recording; return its reply, which is empty until the disk has answered (`note`).
+
+        Raises:
+            RefusalError: One is running.
+        """
+        if self._running:
+            rule = f"{self.requested.name} is being recorded: end it with record.stop"
+            raise RefusalError("not_ready", rule)
+        self._count += 1
+        name = f"slipd-{self._wall.stamp(t_ns)}-{self._boot}-{self._count}.mcap"
+        self.requested = RecordingChanged(name, "", "running")
+        self._due.append(Record(name))
+        reply: Body = {}
+        self._waiting[name] = request, reply
+        return reply
+
+    def stop(self) -> RecordingChanged:
+        """End the recording that runs, and return it.
+
+        Raises:
+            RefusalError: None is running.
+        """
+        recording = self.requested
+        if not self._running:
+            rule = recording.reason or "nothing is being recorded: begin with record.start"
+            raise RefusalError("not_ready", rule)
+        self.requested = replace(recording, state="stopped")
+        self._due.append(Record(""))
+        return self.requested
+
+    def note(self, event: RecordingChanged) -> tuple[Request, Body] | None:
+        """Note the new state of a recording; return the request that waited for it, if one did, and its empty reply."""
+        if not event.name:
+            self.whole_run = event
+            return None
+        if event.name == self.requested.name:
+            if self._running or event.state == "failed":
+                self.requested = event
+            elif event.state == "running":  # its file was created only after its record.stop
+                self.requested = replace(event, state="stopped")
+        return self._waiting.pop(event.name, None)
+
+    def due(self) -> list[Record]:
+        """Return the recordings to start or end since the last call."""
+        due, self._due = self._due, []
+        return due
+
+    @property
+    def _running(self) -> bool:
+        return self.requested.state == "running"
 
 
 PER_CLIENT = 64

@@ -13,9 +13,9 @@ from plain_kernels import run_without_compilation
 
 from slipd.finger import force_image_check
 from slipd.finger.finger import Finger
-from slipd.finger.stream_health import finger_conditions
 from slipd.finger.trust import is_trusted
 from slipd.publish.finger_messages import slip_body
+from slipd.publish.stream_health import finger_conditions
 from slipd.types.samples import TactileSample, WrenchSample
 from slipd_client.messages import Health
 

@@ -11,11 +11,11 @@ from nanoseconds import MS, T0
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.freshness import Read
-from slipd.finger.stream_health import force_conditions
 from slipd.fusion.contact_state import CONTACT_STATE
 from slipd.fusion.recent_forces import mean_wrench
 from slipd.fusion.rows import new_rows
 from slipd.fusion.streaming import move_to_pad, wrench_at
+from slipd.publish.stream_health import force_conditions
 from slipd.types.samples import WrenchSample
 from slipd_client.messages import Health
 

@@ -9,9 +9,8 @@ from fixture_types import Parse
 from nanoseconds import MS, T0
 
 from slipd.finger.freshness import PROMPT, Arrival
-from slipd.finger.stream_health import Condition
-from slipd.links.link_health import SHOWN_NS, _stream_condition
 from slipd.links.stream_meter import OLDEST_HOST_NS, StreamMeter
+from slipd.publish.stream_health import SHOWN_NS, Condition, _stream_condition
 from slipd.types.samples import ArmSample, Sample, TactileSample, WrenchSample
 from slipd_client.messages import Health
 

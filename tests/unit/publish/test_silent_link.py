@@ -12,7 +12,7 @@ from slipd.config import transport_of
 from slipd.devices import DEVICES
 from slipd.events import LinkSpec
 from slipd.links.device_link import make_links
-from slipd.links.link_health import why_silent
+from slipd.publish.stream_health import why_silent
 from slipd.tools.sim.emulated_pads import encode_message
 from slipd_client.messages import Health
 

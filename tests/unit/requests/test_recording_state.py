@@ -10,7 +10,7 @@ from engine_rig import Run
 from run_courses import Step, ask, down, follow, newest
 
 from slipd.events import LinkUp, Record, RecordingChanged, Reply, Request, WallClock
-from slipd.requests.recording_state import RecordingState
+from slipd.requests.handlers import RecordingState
 
 NAME = "slipd-20231114T221500Z-b00t-1.mcap"  # the wall clock of the tests and their first 100 s
 FILE = {"name": NAME, "path": f"/state/{NAME}"}

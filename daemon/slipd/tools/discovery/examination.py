@@ -23,7 +23,7 @@ from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.errors import SlipdError
 from slipd.events import LinkSpec
 from slipd.grasp.arm_motion import LEAST_MEAN_MPS2, MOST_MEAN_MPS2
-from slipd.links.link_health import why_silent
+from slipd.publish.stream_health import why_silent
 from slipd.tools.discovery.port_probe import recognise
 from slipd.types.arrays import Array
 from slipd.types.samples import ArmSample, GripperSample, ObjectSample, Sample, TactileSample, WrenchSample
