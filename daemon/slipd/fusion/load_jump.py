@@ -2,7 +2,7 @@
 
 A load that jumps and holds swings about its new value on the springs of the pads: the crest of that swing is short
 beside its rise, and a trough follows it. A contact that slides has no such spring. A jump that the arm makes is no
-slip: the force has followed the motion since before it (`slipd.fusion.explained`).
+slip (`slipd.fusion.explained`).
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def look_for_jump(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
             continue
         if is_closing(ring, k, count) or _loosened(ring, k, p, steep, rise / low):
             continue
-        if not is_arm_made(drop, ring, p, k - p - steep):
+        if not is_arm_made(drop, ring, k - p - steep):
             begin_slide(drop, t_s, math.nan, low, low / NEAR, surprise)
             return
 
@@ -91,7 +91,7 @@ def look_for_overshoot(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
             surprise = _overshoot_surprise(drop, ring, p, gap, low)
             if surprise < drop["least_surprise"] or is_closing(ring, k, count):
                 continue
-            if not is_arm_made(drop, ring, p, k - p - gap):
+            if not is_arm_made(drop, ring, k - p - gap):
                 begin_slide(drop, t_s, math.nan, low, low / NEAR, surprise)
                 return
 
