@@ -16,7 +16,7 @@ from numba.core import event
 from slipd.config import Finger as FingerConfig
 from slipd.config import Levels, Pad, Slip, Wrench
 from slipd.finger.finger import Finger
-from slipd.finger.force_image_check import COMPARE_NS
+from slipd.finger.force_image_check import COMPARE_NS, Agreement
 from slipd.finger.freshness import Read
 from slipd.finger.image_channel import ImageChannel
 from slipd.fusion import contact_from_wrench
@@ -33,7 +33,6 @@ from slipd.motion.image_blocks import Block, ImageBlocks
 from slipd.motion.image_fit import ImageComparison
 from slipd.motion.image_shift import ImageShift
 from slipd.signals.charge_reconstruction import ChargeReconstruction
-from slipd.signals.force_image_agreement import Agreement
 from slipd.signals.pad import PadGeometry
 from slipd.signals.taxel_blocks import BLOCK_NS, WINDOW
 from slipd.signals.taxel_health import TaxelHealth

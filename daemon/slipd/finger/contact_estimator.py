@@ -14,13 +14,13 @@ from slipd.config import Finger as FingerConfig
 from slipd.config import Levels
 from slipd.finger.finger_state import LoadDistribution, VerdictBatch
 from slipd.finger.force_channel import WrenchBatch
+from slipd.finger.force_image_check import CLEAR, STDS
 from slipd.finger.image_channel import ImageChannel
 from slipd.friction.friction_estimate import FrictionEstimate
 from slipd.friction.friction_state import FrictionState
 from slipd.fusion.contact_state import ContactState, WrenchUncertainty
 from slipd.fusion.rows import FREE, NO_CONTACT, TOUCHING, UNKNOWN, Rows
 from slipd.fusion.streaming import contact_at, find_contacts, judge_readings
-from slipd.signals.force_image_agreement import CLEAR, STDS
 
 SHAPE_ERROR = 0.7
 """Relative standard deviation of λ of a pure spin, times the number of active taxels: measured on simulated contacts of

@@ -182,7 +182,7 @@ class Finger:
         self, motion: ImageShift, image: ImageChannel, check: ForceImageCheck, before_ns: int, t_ns: int
     ) -> Evidence | None:
         """Look for motion in an image, with the forces since the one before, where force sensor and image agree."""
-        if self.in_contact and image.is_independent and not check.disagreement:
+        if self.in_contact and image.is_independent and not check.agreement.reported:
             wrench = mean_wrench(self._estimator.contact.row, before_ns, t_ns)
             return motion.update(t_ns, image.loads, wrench, image.taxel_health.measured)
         motion.reset()
@@ -205,7 +205,7 @@ class Finger:
             readings,
             self.image if serves else None,
             received_ns - usable_ns,
-            () if check is None else check.disagreement,
+            () if check is None else check.agreement.reported,
             self._image_fault,
             teaches=sure and self._image_teaches and not arrival.waited_ns,
             image_free=not self._estimator.certain and self.presence.is_free_by_image(),
@@ -217,14 +217,14 @@ class Finger:
         if self.motion is not None and batch.phases != 1 << TOUCHING:
             self.motion.reset()
         if check is not None and batch.ends_at < len(batch.levels):
-            check.reset()
+            check.agreement.reset()
         if self._taring:
             self._guard.check_load()
         return batch
 
     def _may_learn_zero(self) -> bool | None:
         """Return whether nothing touches the finger; None: unknown."""
-        disagreement = self._check is not None and bool(self._check.disagreement)
+        disagreement = self._check is not None and bool(self._check.agreement.reported)
         return self.presence.may_learn_zero(disagreement=disagreement)
 
     # What verdicts depend on, noted where it changes
@@ -305,7 +305,7 @@ class Finger:
     def disconnect_image(self) -> None:
         """Forget the image: its stream ended."""
         if self._check is not None:
-            self._check.reset()
+            self._check.agreement.reset()
         if self.image is not None:
             self.image.tare.abort("ended")
             self.image.forget()
@@ -314,7 +314,7 @@ class Finger:
     def _lose_force(self, t_ns: int) -> FingerState:
         """Return the state without the force, at ``t_ns``: the contact is forgotten, and nothing is known."""
         if self.in_contact and self._check is not None:
-            self._check.reset()
+            self._check.agreement.reset()
         self._estimator.end_contact()
         if self.motion is not None:
             self.motion.reset()

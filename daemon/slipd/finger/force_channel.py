@@ -205,8 +205,6 @@ class ForceChannel:
 
     def uncertainty(self, t_ns: int) -> WrenchUncertainty:
         """Return how far a reading at ``t_ns`` may be off."""
-        if self.mass_kg == 0.0:
-            return self.noise
         return WrenchUncertainty(*self.noise[:2], *self.gravity.uncertainty(t_ns))
 
     def _follow_tare(self, now: Offset, before: Offset) -> None:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 from slipd.config import Stream
 from slipd.finger.force_channel import UNTRUSTED_FAULTS
+from slipd.finger.force_image_check import CLEAR
 from slipd.finger.verdict import PAD_FREE, PAD_PULLED, UNTARED, Verdict
-from slipd.signals.force_image_agreement import CLEAR
 from slipd.types.samples import UNTRUSTED_WORDS
 
 if TYPE_CHECKING:

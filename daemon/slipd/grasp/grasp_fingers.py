@@ -96,6 +96,18 @@ class WeighedFinger:
         weight = self.force.gravity.correction
         return np.zeros(3) if weight is None else self.place.rotation @ weight[:3]
 
+    def holds_firmly(self, t_ns: int) -> bool:
+        """Return whether the finger touches and does not slip, and its readings are without its own weight."""
+        weighed = self.force.gravity.state(t_ns) != "unknown_orientation"
+        return weighed and self.finger.in_contact and self.finger.level != "slipping"
+
+    def contact_m(self, centre_m: Array) -> Array:
+        """Return the contact centroid on a pad with this centre, in the gripper frame, shape (3,), m; NaN: unknown."""
+        contact = self.finger.state.contact
+        cx, cy = (math.nan, math.nan) if contact is None else (contact.cx_m, contact.cy_m)
+        at_m: Array = centre_m + self.place.rotation @ (cx, cy, 0.0)
+        return at_m
+
     def gravity(self, t_ns: int) -> Array | None:
         """Return the apparent gravity that is known of the finger, in the gripper frame, shape (3,), m/s²."""
         gravity = self.force.gravity.gravity(t_ns)
@@ -182,7 +194,8 @@ class LoadReader:
             width_m: Width between the pads, m; None where it is not known.
             t_ns: Now.
         """
-        states = [one.finger.state for one in self._fingers]
+        fingers = self._fingers
+        states = [one.finger.state for one in fingers]
         times_ns = [state.t_ns for state in states]
         wrenches = [state.wrench for state in states if state.wrench is not None and is_trusted(state.verdict)]
         if len(wrenches) < len(states) or max(times_ns) - min(times_ns) > MOST_SKEW_NS:
@@ -190,21 +203,17 @@ class LoadReader:
         if self._geometry is None or self._geometry.width_m != width_m:
             self._geometry = self._find_geometry(width_m)
         carried = external_wrench(wrenches, self._geometry.poses)
-        whole_n = carried.force_n
-        for one in self._fingers:
-            whole_n = whole_n + one.weight_n()
-        weighed = all(one.force.gravity.state(t_ns) != "unknown_orientation" for one in self._fingers)
-        slips = any(state.verdict.level == "slipping" for state in states)
-        own = None
-        if weighed and not slips and all(one.finger.in_contact for one in self._fingers):
-            torque_nm = np.full(3, math.nan) if carried.torque_nm is None else carried.torque_nm
-            own = np.concatenate((carried.force_n, torque_nm))
-        grip_n = max(-sum(wrench[2] for wrench in wrenches) / len(wrenches), 0.0)
-        middle_m = np.zeros(3)
-        for one, centre_m, state in zip(self._fingers, self._geometry.centres_m, states, strict=True):
-            cx, cy = (math.nan, math.nan) if state.contact is None else (state.contact.cx_m, state.contact.cy_m)
-            middle_m = middle_m + 0.5 * (centre_m + one.place.rotation @ (cx, cy, 0.0))
-        return LoadReading(sum(times_ns) // len(times_ns), whole_n, own, grip_n, middle_m, self._geometry)
+        firm = all(one.holds_firmly(t_ns) for one in fingers)
+        torque_nm = np.full(3, math.nan) if carried.torque_nm is None else carried.torque_nm
+        contacts_m = [one.contact_m(at_m) for one, at_m in zip(fingers, self._geometry.centres_m, strict=True)]
+        return LoadReading(
+            t_ns=sum(times_ns) // len(times_ns),
+            whole_n=sum((one.weight_n() for one in fingers), carried.force_n),
+            own=np.concatenate((carried.force_n, torque_nm)) if firm else None,
+            grip_n=max(-sum(wrench[2] for wrench in wrenches) / len(wrenches), 0.0),
+            middle_m=0.5 * contacts_m[0] + 0.5 * contacts_m[1],
+            geometry=self._geometry,
+        )
 
     def _find_geometry(self, width_m: float | None) -> Geometry:
         places_m = [one.place.nearest_m(width_m) for one in self._fingers]

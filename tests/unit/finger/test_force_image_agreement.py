@@ -10,9 +10,9 @@ import pytest
 from nanoseconds import MS
 from pad_wrenches import pad_wrench
 
+from slipd.finger import force_image_check
+from slipd.finger.force_image_check import Agreement
 from slipd.fusion import Contact, contact_from_wrench, tipping_margin
-from slipd.signals import force_image_agreement
-from slipd.signals.force_image_agreement import Agreement
 from slipd.signals.pad import neighbours
 from slipd.tools.sim.scene_parts import Pad, Patch
 
@@ -133,7 +133,7 @@ def test_F3_an_object_that_tips_over_its_edge_stays_a_matter_of_tipping() -> Non
         centroid = np.array((0.0, Y.min() - beyond * PAD.pitch_m))
         assert tipping_margin(X[active], Y[active], centroid) < -0.5 * PAD.pitch_m
         assert judge(rng, image, centroid, 4.0) == set()
-    assert judge(rng, image, np.array((0.0, Y.min() - 2.5 * PAD.pitch_m)), 4.0) == {"centroid"}
+    assert judge(rng, image, np.array((0.0, Y.min() - 2.5 * PAD.pitch_m)), 4.0) == {"disagreement_centroid"}
 
 
 def block(normal_n: float) -> np.ndarray:
@@ -154,7 +154,7 @@ def said(
 
 
 def test_F3_a_pad_sum_that_differs_from_the_force_is_reported_where_the_pad_is_calibrated() -> None:
-    for gain_error, told in ((0.05, ("force",)), (0.5, ()), (None, ())):
+    for gain_error, told in ((0.05, ("disagreement_force",)), (0.5, ()), (None, ())):
         assert said(15, quiet(5.0), block(7.5), watch(gain_error))[-1] == told
     corner = np.where(np.hypot(X - X.max(), Y - Y.max()) < 1.5 * PAD.pitch_m, 9.0, 0.0)
     at = float((X * corner).sum() / corner.sum()), float((Y * corner).sum() / corner.sum())
@@ -162,21 +162,23 @@ def test_F3_a_pad_sum_that_differs_from_the_force_is_reported_where_the_pad_is_c
 
 
 def test_F3_a_clear_force_without_an_image_is_reported() -> None:
-    for normal_n, told in ((2.0, ("contact",)), (1.5, ())):
+    for normal_n, told in ((2.0, ("disagreement_contact",)), (1.5, ())):
         assert said(15, quiet(normal_n), np.zeros(X.size))[-1] == told
 
 
 def test_F3_a_lasting_disagreement_is_reported_until_both_have_agreed_for_long_or_the_contact_ends() -> None:
     agreement, image, wrong, right = watch(), block(5.0), quiet(5.0, (0.01, 0.0)), quiet(5.0)
     assert said(1, right, image, agreement) == [()]
-    assert said(9, wrong, image, agreement, begin=10).index(("centroid",)) == 7, "60 ms; the first was a movement"
+    assert said(9, wrong, image, agreement, begin=10).index(("disagreement_centroid",)) == 7, (
+        "60 ms; the first was a movement"
+    )
     assert said(29, right, image, agreement, begin=100).index(()) == 19
-    assert said(4, wrong, image, period=33) == [(), (), (), ("centroid",)]
+    assert said(4, wrong, image, period=33) == [(), (), (), ("disagreement_centroid",)]
     faint = watch()
-    assert said(9, wrong, image, faint)[-1] == ("centroid",)
-    assert said(1, quiet(1.2, (0.01, 0.0)), block(1.2), faint, begin=90) == [("centroid",)]
+    assert said(9, wrong, image, faint)[-1] == ("disagreement_centroid",)
+    assert said(1, quiet(1.2, (0.01, 0.0)), block(1.2), faint, begin=90) == [("disagreement_centroid",)]
     ended = watch()
-    assert said(10, wrong, image, ended)[-1] == ("centroid",)
+    assert said(10, wrong, image, ended)[-1] == ("disagreement_centroid",)
     assert [*said(1, quiet(0.1), np.zeros(X.size), ended, begin=100), *said(1, wrong, image, ended, begin=110)] == [
         (),
         (),
@@ -204,7 +206,7 @@ def test_N1_an_image_that_is_no_number_is_not_compared(bad: float) -> None:
 
 
 def test_a_taxel_is_inner_where_its_four_sides_are_active() -> None:
-    compiled = force_image_agreement._moments
+    compiled = force_image_check._moments
     sides = np.ascontiguousarray(neighbours(3, 4)[:, (1, 3, 4, 6)])
     image = np.array(((0.0, 1.0, 1.0, 1.0), (1.0, 2.0, 3.0, 0.0), (0.0, 1.0, 1.0, 0.0)))
     for moments in (compiled, getattr(compiled, "py_func", compiled)):
