@@ -342,9 +342,9 @@ class Engine:
 
     def _weigh(self, held: HeldObject, t_ns: int, out: list[Output]) -> int:
         """Estimate the object; publish `status` when the arm stream begins or ceases to contradict the load."""
-        misfit = "" if self._arm is None else self._arm.misfit
+        fault = "" if self._arm is None else self._arm.check.fault
         due_ns = held.update(t_ns, self._gripper.width_m)
-        if self._arm is not None and self._arm.misfit != misfit:
+        if self._arm is not None and self._arm.check.fault != fault:
             self._status.publish(t_ns, out)
         return due_ns
 

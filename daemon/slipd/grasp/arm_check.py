@@ -9,7 +9,6 @@ load that none explains changes for another reason, such as a grip or a touch, a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import permutations, product
 
 import numpy as np
@@ -76,12 +75,12 @@ class ArmCheck:
         self._seen: dict[int, int] = {}  # what fitted better than what is believed: at which count first
         self._loads, self._gravities = np.zeros((SPANS[-1], 3)), np.zeros((SPANS[-1], len(SHIFTS_NS), 3))
 
-    def update(self, load_n: Array, gravities_mps2: Sequence[Array]) -> None:
+    def update(self, load_n: Array, gravities_mps2: Array) -> None:
         """Compare one more reading.
 
         Args:
             load_n: Force on the fingers with what they carry, shape (3,), N.
-            gravities_mps2: Apparent gravity at each of `SHIFTS_NS` from its time.
+            gravities_mps2: Apparent gravity at each of `SHIFTS_NS` from its time, shape (9, 3).
         """
         for kept, newest in ((self._loads, load_n), (self._gravities, gravities_mps2)):
             kept[:-1] = kept[1:]

@@ -78,33 +78,35 @@ class MotionHistory:
         old = bisect_right(self._times_ns, t_ns - KEPT_NS)
         del self._times_ns[:old], self._rows[:old]
 
-    def gravity(self, t_ns: int) -> Array | None:
-        """Return the apparent gravity at ``t_ns``, shape (3,), m/s²; None where it is not known."""
-        row = self._row(t_ns)
-        return None if row is None else row[:3]
-
     def motion(self, t_ns: int) -> GripperMotion | None:
         """Return the motion of the gripper at ``t_ns``; None where readings before or after it are missing."""
-        row, before, after = self._row(t_ns), self._row(t_ns - TURN_NS), self._row(t_ns + TURN_NS)
-        early, late = self._row(t_ns - TIMING_NS), self._row(t_ns + TIMING_NS)
-        if row is None or before is None or after is None or early is None or late is None:
+        rows = self.at((t_ns, t_ns - TURN_NS, t_ns + TURN_NS, t_ns - TIMING_NS, t_ns + TIMING_NS))
+        if rows is None:
             return None
-        turning = row[6:] if np.isfinite(row[6:]).all() else (after[3:6] - before[3:6]) / (2e-9 * TURN_NS)
-        return GripperMotion(row[:3], row[3:6], turning, float(np.linalg.norm(late[:3] - early[:3])) / 2.0)
+        now, before, after, early, late = rows
+        turning = now[6:] if np.isfinite(now[6:]).all() else (after[3:6] - before[3:6]) / (2e-9 * TURN_NS)
+        return GripperMotion(now[:3], now[3:6], turning, float(np.linalg.norm(late[:3] - early[:3])) / 2.0)
 
-    def _row(self, t_ns: int) -> Array | None:
-        """Return apparent gravity, angular velocity and angular acceleration at ``t_ns``, shape (9,), or None."""
-        times_ns = self._times_ns
-        after = bisect_right(times_ns, t_ns)
-        if after == 0 or (after == len(times_ns) and t_ns > times_ns[-1]):
-            return None
-        if after == len(times_ns):
-            return self._rows[-1]
-        begin_ns, end_ns = times_ns[after - 1], times_ns[after]
-        if end_ns - begin_ns > MOST_GAP_NS:
-            return None
-        part = (t_ns - begin_ns) / (end_ns - begin_ns)
-        return (1.0 - part) * self._rows[after - 1] + part * self._rows[after]
+    def at(self, times_ns: Sequence[int]) -> Array | None:
+        """Return apparent gravity, angular velocity and acceleration at some times, shape (n, 9).
+
+        Returns:
+            The rows, with NaN for an acceleration that is not reported; None where one of the times is not known.
+        """
+        read_ns, found = self._times_ns, np.empty((len(times_ns), 9))
+        for row, t_ns in zip(found, times_ns, strict=True):
+            after = bisect_right(read_ns, t_ns)
+            if after == 0 or t_ns > read_ns[-1]:
+                return None
+            if after == len(read_ns):
+                row[:] = self._rows[-1]
+                continue
+            begin_ns, end_ns = read_ns[after - 1], read_ns[after]
+            if end_ns - begin_ns > MOST_GAP_NS:
+                return None
+            part = (t_ns - begin_ns) / (end_ns - begin_ns)
+            row[:] = (1.0 - part) * self._rows[after - 1] + part * self._rows[after]
+        return found
 
 
 class ArmMotion:
@@ -117,13 +119,14 @@ class ArmMotion:
     Attributes:
         history: Its newest readings that can be right.
         gravity: Direction of gravity, by the readings that can be right.
+        check: Compares the stream with the load; while it finds a fault, the stream is not used.
     """
 
     def __init__(self, arm: ArmConfig, fingers: Sequence[WeighedFinger]) -> None:
         self._stale_ns = stale_after_ns(arm)
         self.history, self.gravity = MotionHistory(), ArmGravity()
         self._fingers = fingers
-        self._check = ArmCheck(math.hypot(*(one.noise_n for one in fingers)))
+        self.check = ArmCheck(math.hypot(*(one.noise_n for one in fingers)))
         self._fresh_until_ns: int | None = None
         self._fault = ""  # of the newest reading
         self._mean_mps2: float | None = None
@@ -151,7 +154,7 @@ class ArmMotion:
                 self._fault = f"its motion exceeds {MOST_GRAVITY_MPS2:.0f} m/s² (5 g) at a finger: check its units"
                 continue
             self.history.add(sample, acquired_ns)
-            if self.misfit:
+            if self.check.fault:
                 continue
             for finger, gravity in zip(self._fingers, gravities, strict=True):
                 finger.set_motion(gravity, sample.angular_velocity_radps, acquired_ns, self._stale_ns)
@@ -172,27 +175,21 @@ class ArmMotion:
             for finger in self._fingers:
                 finger.force.gravity.extend(fresh_until_ns - self._stale_ns + FRESH_NS)
 
-    @property
-    def misfit(self) -> str:
-        """How the stream contradicts the load, so that it is not used; "" where it does not."""
-        return self._check.fault
-
     def compare(self, t_ns: int, load_n: Array) -> bool:
-        """Compare the stream with the load on the fingers at ``t_ns``; return whether `misfit` changed.
+        """Compare the stream with the load on the fingers at ``t_ns``; return whether its fault changed.
 
         Args:
             t_ns: When the load was read; the history reaches beyond it by all of `SHIFTS_NS`.
             load_n: Force with the weight of the fingers, in the gripper frame, shape (3,), N.
         """
-        before = self.misfit
-        gravities = [gravity for shift in SHIFTS_NS if (gravity := self.history.gravity(t_ns + shift)) is not None]
-        if len(gravities) == len(SHIFTS_NS):
-            self._check.update(load_n, gravities)
-        return self.misfit != before
+        before, rows = self.check.fault, self.history.at([t_ns + shift for shift in SHIFTS_NS])
+        if rows is not None:
+            self.check.update(load_n, rows[:, :3])
+        return self.check.fault != before
 
     def is_used(self, t_ns: int) -> bool:
         """Return whether the stream is fresh and believed at ``t_ns``."""
-        return self._fresh_until_ns is not None and t_ns <= self._fresh_until_ns and not self.misfit
+        return self._fresh_until_ns is not None and t_ns <= self._fresh_until_ns and not self.check.fault
 
     def sets_gravity_of(self, finger: str, t_ns: int) -> bool:
         """Return whether the gravity of a finger comes from the arm at ``t_ns``."""
@@ -204,8 +201,8 @@ class ArmMotion:
             return [(Health.ERROR, self._fault)]
         if self._mean_mps2 is None:
             return [(Health.OK, "its gravity is checked for 1 s before it is used")]
-        if self.misfit:
-            return [(Health.ERROR, f"{self.misfit}, by the load on the fingers: its readings are not used")]
+        if self.check.fault:
+            return [(Health.ERROR, f"{self.check.fault}, by the load on the fingers: its readings are not used")]
         if self._is_plausible():
             return []
         if math.isnan(self._mean_mps2):

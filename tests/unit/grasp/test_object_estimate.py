@@ -138,16 +138,16 @@ def test_motion_is_interpolated_and_its_turn_differentiated_where_it_is_not_repo
 def test_motion_is_unknown_outside_and_in_gaps() -> None:
     history = filled()
     assert history.newest_ns == 1200 * MS
-    assert (history.gravity(999 * MS), history.gravity(1201 * MS), history.motion(1190 * MS)) == (None, None, None)
-    assert history.gravity(1200 * MS) == pytest.approx((200.0, 0.0, 9.81))
+    assert (history.at([999 * MS]), history.at([1201 * MS]), history.motion(1190 * MS)) == (None, None, None)
+    assert history.at([1200 * MS])[0, :3] == pytest.approx((200.0, 0.0, 9.81))
     history.add(ArmSample(0, None, (0.0, 0.0, 9.81), (0.0, 0.0, 0.0)), 1200 * MS + MOST_GAP_NS + 1)
-    assert history.gravity(1210 * MS) is None
+    assert history.at([1210 * MS]) is None
 
 
 def test_history_is_short_and_begins_anew_when_time_goes_back() -> None:
     history = filled(readings=200)
-    assert history.gravity(history.newest_ns - KEPT_NS - PERIOD_NS) is None
+    assert history.at([history.newest_ns - KEPT_NS - PERIOD_NS]) is None
     history.add(ArmSample(0, None, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)), 1000 * MS)
     assert history.newest_ns == 1000 * MS
-    assert np.all(history.gravity(1000 * MS) == (1.0, 0.0, 0.0))
+    assert np.all(history.at([1000 * MS])[0, :3] == (1.0, 0.0, 0.0))
     assert MotionHistory().newest_ns == 0
