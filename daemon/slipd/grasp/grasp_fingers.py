@@ -197,7 +197,7 @@ class LoadReader:
         fingers = self._fingers
         states = [one.finger.state for one in fingers]
         times_ns = [state.t_ns for state in states]
-        wrenches = [state.wrench for state in states if state.wrench is not None and is_trusted(state.verdict)]
+        wrenches = [found for state in states if is_trusted(state.verdict) and (found := state.wrench) is not None]
         if len(wrenches) < len(states) or max(times_ns) - min(times_ns) > MOST_SKEW_NS:
             return None
         if self._geometry is None or self._geometry.width_m != width_m:

@@ -56,7 +56,7 @@ class GraspState:
 
 @dataclass(slots=True, frozen=True)
 class GraspLoad:
-    """The load on the object in a grasp, and how the fingers share it; None and NaN are unknown.
+    """The load on the object in a grasp, and how the fingers share it; what is not finite is unknown.
 
     Attributes:
         external_force_n: Force of the world on the object, in the gripper frame, shape (3,), N.
@@ -68,9 +68,9 @@ class GraspLoad:
 
     external_force_n: Array
     external_torque_nm: Array | None
-    first_share: float | None
-    asymmetry: float | None
-    age_s: float | None
+    first_share: float
+    asymmetry: float
+    age_s: float
 
 
 class GraspView:
@@ -136,9 +136,9 @@ class GraspView:
         return GraspLoad(
             world.force_n,
             world.torque_nm,
-            finite_or_none(load_share(first.tangential_n, second.tangential_n, self._least_n)),
-            finite_or_none(asymmetry(first.normal_n, second.normal_n, self._least_n)),
-            finite_or_none(max(math.inf if age is None else age for age in ages)),
+            load_share(first.tangential_n, second.tangential_n, self._least_n),
+            asymmetry(first.normal_n, second.normal_n, self._least_n),
+            max(math.inf if age is None else age for age in ages),
         )
 
 

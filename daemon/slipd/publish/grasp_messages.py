@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from slipd.events import Body, Output
 from slipd.grasp.grasp_view import GraspView, HoldState
 from slipd.grasp.held_object import HeldObject
@@ -72,7 +74,7 @@ def grasp_body(view: GraspView, hold: HoldState, held: ObjectState, t_ns: int) -
         "utilisation": state.utilisation,
         "external_force_n": finite_list(load.external_force_n),
         "external_torque_nm": finite_list(load.external_torque_nm),
-        "load_share": None if share is None else {first: share, second: 1.0 - share},
+        "load_share": {first: share, second: 1.0 - share} if math.isfinite(share) else None,
         "asymmetry": load.asymmetry,
         "width_m": state.width_m,
         "object": {

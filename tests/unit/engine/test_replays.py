@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+import sys
+from collections import Counter
+from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import pytest
 import replays
 
+import slipd
+from slipd import config
+from slipd.engine.engine import Engine
+from slipd.events import Bytes
+from slipd.recording.reader import open_recording
+
 pytestmark = pytest.mark.uncovered
 
+MOST_CALLS = {"wrench": 70, "pad": 100, "Tick": 15}
 MESSAGE = {"seq": 4, "level": "stable", "rising": True, "normal_n": 8.25, "centroid_m": [0.001, None], "age_s": None}
 
 
@@ -19,6 +30,25 @@ def test_a_recorded_run_causes_the_same_messages_replies_and_commands_at_the_sam
     for n, (was, found) in enumerate(zip(then, now, strict=True)):
         what = f"{was.kind} {n}, {was.name}, of event {was.event}"
         assert list(replays.differences(was.body, found.body)) == [], what
+
+
+def test_a_reading_an_image_and_a_tick_call_few_functions_in_the_mean() -> None:
+    """What is rare is pushed on change, never asked for at each event: calls of Python functions of slipd."""
+    recording = open_recording(replays.RECORDINGS / "demo.mcap")
+    engine = Engine(config.parse(recording.config_text, "demo"), boot=recording.boot, wall_minus_monotonic_ns=0)
+    here, calls, events = str(Path(slipd.__file__).parent), Counter[str](), Counter[str]()
+
+    def count(frame: FrameType, event: str, _: object) -> None:
+        calls[kind] += event == "call" and frame.f_code.co_filename.startswith(here)
+
+    for t_ns, event in recording.events():
+        kind = event.link.rpartition(".")[2] if isinstance(event, Bytes) else type(event).__name__
+        events[kind] += 1
+        sys.setprofile(count)
+        engine.handle(event, t_ns)
+        sys.setprofile(None)
+    for kind, most in MOST_CALLS.items():
+        assert calls[kind] <= most * events[kind], kind
 
 
 def test_the_recordings_hold_every_level_acts_of_the_reflex_faults_and_refusals() -> None:
