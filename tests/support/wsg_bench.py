@@ -11,7 +11,7 @@ from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, Packet, Packe
 from slipd.devices.wsg import Decoder, Session
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.tools.sim import emulated_wsg as sim
-from slipd.tools.sim.emulated_wsg import Gripper, make
+from slipd.tools.sim.emulated_wsg import Gripper
 
 GO = (wire.SET_FORCE, wire.PREPOSITION, wire.GET_FORCE)
 
@@ -30,7 +30,7 @@ class Bench(GripperBench):
     """A session and a gripper; keeps the packets that the session sends, and may swallow or answer them."""
 
     session: Session = field(default_factory=Session)
-    gripper: Gripper = field(default_factory=lambda: make(0))
+    gripper: Gripper = field(default_factory=Gripper)
     swallow: Callable[[Packet], bool] = lambda _: False
     forge: Callable[[int], int | None] = lambda _: None
 

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from slipd.devices import Device
 from slipd.devices.shared.frame_scanner import FrameDecoder, MessageScanner
-from slipd.devices.shared.msgpack_messages import MessageReader, are_numbers, checked, read_message
+from slipd.devices.shared.msgpack_messages import MessageReader, are_numbers, checked, converted, read_message
 from slipd.devices.shared.sequence_tracker import SequenceTracker
 from slipd.types.arrays import Array
 from slipd.types.samples import ArmSample, ObjectSample, TactileSample, WrenchSample
@@ -50,15 +50,18 @@ _NAME = re.compile(r"[A-Za-z0-9_./-]{1,64}")
 _WORD = re.compile(r"[a-z][a-z0-9_]{0,31}")
 
 
-def _is_vector(value: object, length: int = 3) -> bool:
-    return isinstance(value, tuple) and len(value) == length and are_numbers(value)
+def _vector(value: Any, length: int = 3) -> tuple[float, ...]:
+    if not (isinstance(value, tuple) and len(value) == length and are_numbers(value)):
+        raise ValueError("no vector")
+    return tuple(map(float, value))
 
 
-def _is_orientation(value: Any) -> bool:
-    """Return whether a value is a quaternion of unit length; one that is not finite is marked later."""
-    if not _is_vector(value, 4):
-        return False
-    return not all(map(math.isfinite, value)) or abs(math.hypot(*value) - 1.0) < UNIT_TOLERANCE
+def _orientation(value: Any) -> tuple[float, ...]:
+    """Return a quaternion of unit length; one that is not finite is marked later."""
+    quaternion = _vector(value, 4)
+    if all(map(math.isfinite, quaternion)) and abs(math.hypot(*quaternion) - 1.0) >= UNIT_TOLERANCE:
+        raise ValueError("no orientation")
+    return quaternion
 
 
 def _is_status(value: object) -> bool:
@@ -66,7 +69,7 @@ def _is_status(value: object) -> bool:
 
 
 def _read_pose(reader: MessageReader) -> dict[str, Any]:
-    pose = reader.fields({"xyz_m": _VECTOR, "quat_xyzw": checked(_is_orientation)})
+    pose = reader.fields({"xyz_m": _VECTOR, "quat_xyzw": converted(_orientation)})
     if "xyz_m" not in pose:
         raise ValueError("no position")
     return pose
@@ -74,19 +77,19 @@ def _read_pose(reader: MessageReader) -> dict[str, Any]:
 
 def _read_image(reader: MessageReader) -> list[Any]:
     taxels = reader.items(MAX_TAXELS)
-    if not taxels or not (are_numbers(taxels) or all(map(_is_vector, taxels))):
+    if not taxels:
         raise ValueError("no image")
-    return taxels
+    return taxels if are_numbers(taxels) else [*map(_vector, taxels)]
 
 
-_VECTOR = checked(_is_vector)
+_VECTOR = converted(_vector)
 _NUMBER = checked(lambda value: are_numbers((value,)))
 _READ_VALUES = {
     "stream": checked(lambda value: isinstance(value, str) and _NAME.fullmatch(value)),
     "t_ns": checked(lambda value: type(value) is int and 0 <= value < _LATEST_NS),
     "seq": checked(lambda value: type(value) is int and value >= 0),
     "force_n": _VECTOR,
-    "torque_nm": checked(lambda value: value is None or _is_vector(value)),
+    "torque_nm": converted(lambda value: None if value is None else _vector(value)),
     "values": _read_image,
     "object_pose": _read_pose,
     "object_speed_mps": _NUMBER,
@@ -164,41 +167,21 @@ class Decoder(FrameDecoder):
 
 
 def _sample(body: dict[str, Any], t_ns: int) -> Reading:
-    status, stream, time_ns = tuple(body.get("status", ())), body["stream"], body["t_ns"]
+    status, stream, time_ns = body.get("status", ()), body["stream"], body["t_ns"]
     if "values" in body:
         values = np.array(body["values"], dtype=np.float64)
         return TactileSample(t_ns, time_ns, values, _with_validity(status, values.ravel()), stream)
     if "gravity_mps2" in body:
-        return _arm_sample(body, t_ns, status)
-    if "force_n" not in body:
-        return _object_sample(body, t_ns, status)
-    force_n, torque_nm = _floats(body["force_n"]), _optional(body.get("torque_nm"))
-    status = _with_validity(status, force_n, torque_nm)
-    return WrenchSample(t_ns, time_ns, force_n, torque_nm, status, stream)
-
-
-def _object_sample(body: dict[str, Any], t_ns: int, status: tuple[str, ...]) -> ObjectSample:
+        motion = body["gravity_mps2"], body["angular_velocity_radps"], body.get("angular_acceleration_radps2")
+        return ArmSample(t_ns, time_ns, *motion, _with_validity(status, *motion), stream)
+    if "force_n" in body:
+        wrench = body["force_n"], body.get("torque_nm")
+        return WrenchSample(t_ns, time_ns, *wrench, _with_validity(status, *wrench), stream)
     pose = body.get("object_pose", {})
-    xyz_m, quat_xyzw = _optional(pose.get("xyz_m")), _optional(pose.get("quat_xyzw"))
+    place = pose.get("xyz_m"), pose.get("quat_xyzw")
     speed, std = (float(body[key]) if key in body else None for key in ("object_speed_mps", "object_speed_std_mps"))
     moves = () if speed is None or std is None else (speed, std, speed / std * (speed / std))
-    status = _with_validity(status, xyz_m, quat_xyzw, moves)
-    return ObjectSample(t_ns, body["t_ns"], xyz_m, quat_xyzw, speed, std, status, body["stream"])
-
-
-def _arm_sample(body: dict[str, Any], t_ns: int, status: tuple[str, ...]) -> ArmSample:
-    gravity_mps2, velocity_radps = _floats(body["gravity_mps2"]), _floats(body["angular_velocity_radps"])
-    acceleration_radps2 = _optional(body.get("angular_acceleration_radps2"))
-    status = _with_validity(status, gravity_mps2, velocity_radps, acceleration_radps2)
-    return ArmSample(t_ns, body["t_ns"], gravity_mps2, velocity_radps, acceleration_radps2, status, body["stream"])
-
-
-def _floats(values: Sequence[float]) -> tuple[float, ...]:
-    return tuple(map(float, values))
-
-
-def _optional(values: Sequence[float] | None) -> tuple[float, ...] | None:
-    return None if values is None else _floats(values)
+    return ObjectSample(t_ns, time_ns, *place, speed, std, _with_validity(status, *place, moves), stream)
 
 
 def _with_validity(status: tuple[str, ...], *numbers: Sequence[float] | Array | None) -> tuple[str, ...]:

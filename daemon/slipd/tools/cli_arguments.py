@@ -21,14 +21,6 @@ EXPORTS = {
 }
 """Formats of an export, and what opens each."""
 
-IMPORTED = {
-    "grips": "grips.toml",
-    "arq": "trial_arq.toml",
-    "papillarray": "trial_papillarray.toml",
-    "pushes": "pushes.toml",
-}
-"""Formats of an import, and the shipped config of each."""
-
 EVERY = (1, 1)
 """The share of the recordings that is all of them."""
 

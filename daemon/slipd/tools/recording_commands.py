@@ -7,7 +7,6 @@ from pathlib import Path
 from slipd.tools.cli_arguments import (
     EVERY,
     EXPORTS,
-    IMPORTED,
     JSON,
     endpoint,
     file_in,
@@ -24,17 +23,17 @@ RECORDING = argument("path", type=Path, metavar="RECORDING", help="recording, MC
 NEW_RECORDING = argument("out", type=Path, metavar="OUT", help="new recording, MCAP")
 
 
-def _source(what: str) -> Add:
-    return argument("source", type=Path, metavar="SRC", help=what)
-
-
-def _import_config(kind: str) -> Add:
-    return argument(
-        "--config",
-        dest="config_file",
-        type=Path,
-        metavar="FILE",
-        help=f"config (default: the shipped {IMPORTED[kind]})",
+def _import(form: str, importer: str, purpose: str, source: str, *arguments: Add, shipped: str) -> Command:
+    """Return a command that imports data; ``arguments`` are those of this format alone."""
+    config = argument(
+        "--config", dest="config_file", type=Path, metavar="FILE", help=f"config (default: the shipped {shipped})"
+    )
+    return Command(
+        f"import {form}",
+        "slipd.tools.recordings.imported_run:import_command",
+        purpose,
+        (argument("source", type=Path, metavar="SRC", help=source), *arguments, NEW_RECORDING, config),
+        given={"importer": f"slipd.tools.recordings.{importer}", "shipped": shipped},
     )
 
 
@@ -142,70 +141,56 @@ RECORDING_COMMANDS = (
         ),
     ),
     Command("import", "", "convert other data to a recording"),
-    Command(
-        "import grips",
-        "slipd.tools.recordings.imported_run:import_command",
+    _import(
+        "grips",
+        "grips_import:import_trial",
         "import a gripper trial with two XELA pads",
-        (
-            _source("folder with xela_sensor1.csv, xela_sensor2.csv and robot_state.csv"),
-            NEW_RECORDING,
-            _import_config("grips"),
-            argument(
-                "--tare-rows",
-                type=int,
-                metavar="N",
-                help="take the zero of the pads from the first N rows, in which the fingers are open (default: the "
-                "zero that the config states)",
-            ),
+        "folder with xela_sensor1.csv, xela_sensor2.csv and robot_state.csv",
+        argument(
+            "--tare-rows",
+            type=int,
+            metavar="N",
+            help="take the zero of the pads from the first N rows, in which the fingers are open (default: the "
+            "zero that the config states)",
         ),
-        given={"form": "grips", "importer": "slipd.tools.recordings.grips_import:import_trial"},
+        shipped="grips.toml",
     ),
-    Command(
-        "import arq",
-        "slipd.tools.recordings.imported_run:import_command",
+    _import(
+        "arq",
+        "taxels_import:import_arq",
         "import an experiment of slip_detection_dataset_2021 (needs h5py)",
-        (
-            _source("HDF5 file of an object"),
-            argument(
-                "experiment", metavar="EXPERIMENT", help="path in that file, such as GGCNN2/SpoolSolder/Pose1/Exp1"
-            ),
-            NEW_RECORDING,
-            _import_config("arq"),
-        ),
-        given={"form": "arq", "importer": "slipd.tools.recordings.taxels_import:import_arq"},
+        "HDF5 file of an object",
+        argument("experiment", metavar="EXPERIMENT", help="path in that file, such as GGCNN2/SpoolSolder/Pose1/Exp1"),
+        shipped="trial_arq.toml",
     ),
-    Command(
-        "import papillarray",
-        "slipd.tools.recordings.imported_run:import_command",
+    _import(
+        "papillarray",
+        "taxels_import:import_papillarray",
         "import a trial of Incipient-Slip-Detection-PapillArray",
-        (_source("CSV file"), NEW_RECORDING, _import_config("papillarray")),
-        given={"form": "papillarray", "importer": "slipd.tools.recordings.taxels_import:import_papillarray"},
+        "CSV file",
+        shipped="trial_papillarray.toml",
     ),
-    Command(
-        "import pushes",
-        "slipd.tools.recordings.imported_run:import_command",
+    _import(
+        "pushes",
+        "pushes_import:import_pushes",
         "import measured pushes of an object over a board",
-        (
-            _source("ROS 1 bag of MLab_EXP (needs the extra bags), or its compact form, NPZ"),
-            NEW_RECORDING,
-            _import_config("pushes"),
-            argument(
-                "--mass-kg",
-                type=float,
-                default=0.15,
-                metavar="M",
-                help="mass of the object, kg; if it is a guess, mu is relative to it (default: %(default)s)",
-            ),
-            argument(
-                "--clear-s",
-                type=float,
-                nargs=2,
-                default=(0.0, 0.4),
-                metavar=("BEGIN", "END"),
-                help="take the zero of the sensor from this time, s: the pusher touches nothing (default: 0 0.4)",
-            ),
+        "ROS 1 bag of MLab_EXP (needs the extra bags), or its compact form, NPZ",
+        argument(
+            "--mass-kg",
+            type=float,
+            default=0.15,
+            metavar="M",
+            help="mass of the object, kg; if it is a guess, mu is relative to it (default: %(default)s)",
         ),
-        given={"form": "pushes", "importer": "slipd.tools.recordings.pushes_import:import_pushes"},
+        argument(
+            "--clear-s",
+            type=float,
+            nargs=2,
+            default=(0.0, 0.4),
+            metavar=("BEGIN", "END"),
+            help="take the zero of the sensor from this time, s: the pusher touches nothing (default: 0 0.4)",
+        ),
+        shipped="pushes.toml",
     ),
     Command(
         "evaluate",

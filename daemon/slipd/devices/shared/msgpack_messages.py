@@ -128,6 +128,11 @@ def checked(accepts: Callable[[Any], object]) -> ReadValue:
     return read_value
 
 
+def converted(convert: Callable[[Any], Any]) -> ReadValue:
+    """Return the function that reads a value and converts it; ``convert`` raises ValueError for a wrong one."""
+    return lambda reader: convert(reader.value())
+
+
 def are_numbers(values: Iterable[object]) -> bool:
     """Return whether all values are numbers, and none is true or false."""
     return {*map(type, values)} <= {int, float}

@@ -14,7 +14,6 @@ from slipd.engine.engine import Engine
 from slipd.errors import RecordingError
 from slipd.events import Event, LinkSpec, LinkUp, Request, Tick
 from slipd.recording.mcap_file import EVENTS, RecordingFile, RunHead
-from slipd.tools.cli_arguments import IMPORTED
 from slipd.tools.outputs import NEW, draft
 from slipd.tools.shipped_files import shipped_config
 
@@ -28,22 +27,22 @@ AFTER_NS = 500_000_000
 BOOT = "imported"
 
 
-def import_command(form: str, importer: str, source: Path, out: Path, config_file: Path | None, **more: Any) -> None:
+def import_command(importer: str, shipped: str, source: Path, out: Path, config_file: Path | None, **more: Any) -> None:
     """Import data, and print what follows.
 
     Args:
-        form: Their format, one of `IMPORTED`.
         importer: What imports them, "module:function": it takes source, recording and text of the config, and may
             return what it found, for people.
+        shipped: Name of the shipped config of their format.
         source: The data.
         out: New recording.
-        config_file: Config; None: the shipped one of the format.
+        config_file: Config; None: the shipped one.
         more: What this format alone needs.
 
     Raises:
         SlipdError: The source or the config has faults, or the recording cannot be written.
     """
-    rig = config.load(config_file or shipped_config(IMPORTED[form]))
+    rig = config.load(config_file or shipped_config(shipped))
     for finding in pkgutil.resolve_name(importer)(source, out, rig.text, **more) or ():
         print(finding)
     print(f"{out}: written; replay it with: slipd replay {out} --speed max")

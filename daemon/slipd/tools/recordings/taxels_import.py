@@ -88,7 +88,7 @@ def read_papillarray(source: Path) -> TaxelTrial:
     try:
         table = np.loadtxt(source, delimiter=",", ndmin=2)
     except OSError as error:
-        raise RecordingError(f"{source}: cannot be read: {error.strerror}") from error
+        raise RecordingError(f"{source}: cannot be read: {error.strerror or error}") from error
     except ValueError as error:
         raise RecordingError(f"{source}: must be a table of numbers in CSV: {error}") from error
     columns = 1 + PILLARS * PILLAR_COLUMNS

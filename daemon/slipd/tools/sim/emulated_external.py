@@ -227,8 +227,3 @@ class Driver(EmulatedDevice):
             "" if acknowledged else self.report.fault,
             self.force_n * (1.0 + self.excess) if self._blocked else 0.0,
         )
-
-
-def make_driver(seed: int) -> Driver:
-    """Return a driver; it has no noise, so ``seed`` is unused."""
-    return Driver()

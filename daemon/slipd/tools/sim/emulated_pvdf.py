@@ -43,6 +43,10 @@ class PvdfElectronics:
     dead: tuple[int, ...] = ()
 
 
+IDEAL = PvdfElectronics(tau_s=1e9, gain_counts_per_n=1.0, gain_spread=0.0, offset_counts=0.0)
+"""Without leak, gain and offsets, so that loads are counts."""
+
+
 class PvdfPad(EmulatedDevice):
     """The pad on its line; its caller passes the time. It sends unasked and never reads.
 
@@ -56,7 +60,13 @@ class PvdfPad(EmulatedDevice):
         ValueError: A scan takes longer than the time between scans.
     """
 
-    def __init__(self, rows: int, cols: int, electronics: PvdfElectronics, seed: int | np.random.Generator) -> None:
+    def __init__(
+        self,
+        rows: int = ROWS,
+        cols: int = COLS,
+        electronics: PvdfElectronics = IDEAL,
+        seed: int | np.random.Generator = 0,
+    ) -> None:
         super().__init__(electronics.rate_hz, rows=rows, cols=cols)
         taxels, rng = rows * cols, np.random.default_rng(seed)
         self._shape = rows, cols
@@ -116,12 +126,3 @@ class PvdfPad(EmulatedDevice):
         late = (times_ns - known_ns[before]) * (1.0 / (known_ns[before + 1] - known_ns[before]))
         before_n, after_n = (charges_n[each, np.arange(times_ns.size)] for each in (before, before + 1))
         return np.asarray(before_n + late * (after_n - before_n))
-
-
-IDEAL = PvdfElectronics(tau_s=1e9, gain_counts_per_n=1.0, gain_spread=0.0, offset_counts=0.0)
-"""Without leak, gain and offsets, so that loads are counts."""
-
-
-def make(seed: int) -> PvdfPad:
-    """Return a pad of 8 x 16 taxels with ideal electronics."""
-    return PvdfPad(ROWS, COLS, IDEAL, seed)

@@ -277,10 +277,3 @@ class GripperLine(Gripper2F):
         self._width_m, self._moving, self._holding = moved_jaws(self._width_m, command.width_m, self.part_m, reach_m)
         self._normal_n = command.force_n if self._holding else 0.0
         return []
-
-
-def make(
-    seed: int, width_table: Table = WIDTH_TABLE, force_table: Table = FORCE_TABLE, unit: int = robotiq_registers.UNIT
-) -> GripperLine:
-    """Return a gripper; it has no noise, so ``seed`` is unused. For the rest see `Gripper2F`."""
-    return GripperLine(width_table, force_table, unit)

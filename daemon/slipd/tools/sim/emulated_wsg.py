@@ -86,10 +86,10 @@ class Gripper(EmulatedDevice):
         overdrive: Whether forces above the nominal one are allowed.
     """
 
-    def __init__(self, *words: str) -> None:
+    def __init__(self) -> None:
         super().__init__(UPDATE_HZ)
         self.part_m = 0.0
-        self.words = set(words)
+        self.words = {"referenced"}
         self.width_mm = STARTS_AT_MM
         self.limit = LIMITS.nominal_force
         self.overdrive = False
@@ -214,8 +214,3 @@ class Gripper(EmulatedDevice):
             return encode_grasping("positioning" if self._goal else "idle")
         mode = {"overdrive"} if self.overdrive else set()
         return encode_state(self.words | mode | {"moving" if self._goal else "target_reached", self._blocked})
-
-
-def make(seed: int) -> Gripper:
-    """Return a referenced gripper; it has no noise, so ``seed`` is unused."""
-    return Gripper("referenced")

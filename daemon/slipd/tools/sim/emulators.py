@@ -6,7 +6,7 @@ import inspect
 import math
 from collections.abc import Iterator
 from pkgutil import resolve_name
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 
@@ -18,16 +18,16 @@ EMULATORS = {
     "bota": "emulated_wrenches:BotaSensor",
     "dsacon32": "emulated_weiss:Dsacon32",
     "external": "emulated_external:Pusher",
-    "external_gripper": "emulated_external:make_driver",
+    "external_gripper": "emulated_external:Driver",
     "gauges": "emulated_wrenches:GaugeAmplifier",
     "netft": "emulated_rdt:NetftSensor",
     "optoforce": "emulated_rdt:make_optoforce",
     "papillarray": "emulated_pads:PapillArrays",
-    "pvdf": "emulated_pvdf:make",
-    "robotiq_2f": "emulated_robotiq_2f:make",
+    "pvdf": "emulated_pvdf:PvdfPad",
+    "robotiq_2f": "emulated_robotiq_2f:GripperLine",
     "robotous": "emulated_wrenches:RobotousSensor",
     "tsf85": "emulated_pads:Fingertips",
-    "wsg": "emulated_wsg:make",
+    "wsg": "emulated_wsg:Gripper",
     "wts": "emulated_weiss:WtsModule",
     "xela": "emulated_pads:XelaServer",
 }
@@ -63,14 +63,13 @@ def make_emulator(device: str, seed: int = 0, **options: Any) -> Emulator:
 
     Args:
         device: Name in the list of devices.
-        seed: Seed of its noise.
+        seed: Seed of its noise; not used by a device without noise.
         options: Other arguments of what makes it, such as ``wiring`` of a device whose protocol depends on the line.
 
     Raises:
         ValueError: The device is of another package and has no emulator.
     """
-    emulator: Emulator = _maker(device)(seed, **options)
-    return emulator
+    return cast("Emulator", _maker(device)(**accepted(device, {"seed": seed}), **options))
 
 
 def accepted(device: str, settings: dict[str, Any]) -> dict[str, Any]:

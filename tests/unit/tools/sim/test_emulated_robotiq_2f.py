@@ -7,7 +7,7 @@ from nanoseconds import MS
 from slipd.devices.robotiq_2f import Session, robotiq_registers
 from slipd.devices.robotiq_2f.robotiq_registers import WIDTH_TABLE, Units
 from slipd.devices.shared import modbus
-from slipd.tools.sim.emulated_robotiq_2f import ACTIVATION_NS, FORCE_TABLE, Gripper2F, make
+from slipd.tools.sim.emulated_robotiq_2f import ACTIVATION_NS, FORCE_TABLE, Gripper2F, GripperLine
 from slipd.tools.sim.scene import GripCommand
 
 UNIT, OUT, IN = robotiq_registers.UNIT, robotiq_registers.OUTPUT_ADDRESS, robotiq_registers.INPUT_ADDRESS
@@ -80,7 +80,7 @@ def test_the_status_reports_the_scene(scene, function, shown):
 
 
 def test_a_session_with_another_address_hears_nothing_and_says_what_to_check():
-    session, line = Session(unit=5), make(0)
+    session, line = Session(unit=5), GripperLine()
     drive(session, line, 0.5)
     assert session.state == "no reply"
     session.receive(b"noise", 500 * MS)

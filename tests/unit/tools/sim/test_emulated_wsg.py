@@ -11,7 +11,7 @@ from slipd.devices.wsg import Decoder, Session
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.devices.wsg.wsg_messages import Reply
 from slipd.tools.sim import emulated_wsg as sim
-from slipd.tools.sim.emulated_wsg import LIMITS, Gripper, make
+from slipd.tools.sim.emulated_wsg import LIMITS, Gripper
 
 Answers = list[tuple[int, int]]
 
@@ -36,7 +36,7 @@ def to(width_mm: float, mm_per_s: float = 100.0) -> bytes:
 
 @pytest.fixture
 def gripper() -> Gripper:
-    made = make(0)
+    made = Gripper()
     made.opened(0)
     return made
 
@@ -95,6 +95,7 @@ def test_it_moves_and_says_how_it_ended(gripper: Gripper, course: str) -> None:
 
 def test_a_gripper_without_reference_must_be_homed_first() -> None:
     gripper = Gripper()
+    gripper.words.clear()
     assert ask(gripper, to(0.0)) == NOT_READY
     assert ask(gripper, wire.SEARCH_REFERENCE) == [(wire.HOME, wire.PENDING)]
     assert gripper.advance(1000 * MS) == [sim.encode_reply(wire.HOME)]
