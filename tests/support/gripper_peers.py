@@ -162,7 +162,7 @@ class WsgPeer(Peer):
 
     def __init__(self, rng: Random | None = None) -> None:
         super().__init__(rng)
-        self.line = self.gripper = wsg_sim.make(0)
+        self.line = self.gripper = wsg_sim.Gripper()
         if rng is not None:
             self.gripper.part_m = rng.choice((0.0, 0.04))
             if rng.random() < 0.2:

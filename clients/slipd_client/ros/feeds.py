@@ -30,7 +30,7 @@ from slipd_client.ros.orientation import STALE_S, OrientationUnknown
 
 
 class Background(threading.Thread):
-    """A daemon thread that runs until `stop`.
+    """A daemon thread that runs until `stop`; as a context, it runs within ``with``.
 
     Args:
         name: What it does.
@@ -39,6 +39,12 @@ class Background(threading.Thread):
     def __init__(self, name: str) -> None:
         super().__init__(name=name, daemon=True)
         self._ended = threading.Event()
+
+    def __enter__(self) -> None:
+        self.start()
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
 
     def stop(self) -> None:
         """End the thread."""

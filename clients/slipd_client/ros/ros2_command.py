@@ -119,34 +119,8 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
     with contextlib.ExitStack() as stack:
         subscriber = stack.enter_context(Subscriber(chosen.publish, ("",), keys=keys))
         participant = stack.enter_context(joined(environment))
-        feed: RosFeed | None = None
-        if pads is not None and (chosen.imu or chosen.orientation_from):
-            source = _source(participant, chosen)
-            if (port := arm_port(read_config(chosen.config), IMU_SPAN_S if chosen.imu else POSE_SPAN_S)) is not None:
-                feed = ArmFeed(participant, port, source)
-            else:
-                client = stack.enter_context(GripClient(chosen.requests, keys=keys))
-                feed = OrientationFeed(client, source, pads.orientations)
-            feed.start()
-            stack.callback(feed.stop)
-        if chosen.speed_scaling is not None:
-            advisor = stack.enter_context(MotionAdvisor(chosen.publish, chosen.requests, keys=keys))
-            controller = RosPublisher(participant, {chosen.speed_scaling: 1})
-            speed = SpeedScaling(controller.publish, chosen.speed_scaling, advisor, chosen.speed_floor)
-            speed.start()
-            stack.callback(speed.stop)
-        if chosen.check_plans is not None:
-            client = stack.enter_context(GripClient(chosen.requests, keys=keys))
-            plans = PlanCheck(
-                ros_reader(participant, chosen.check_plans, PLAN, reliable=True),
-                RosPublisher(participant, {}).publish,
-                f"{chosen.prefix}/motion_check",
-                client.motion_check,
-                chosen.plan_frame or chosen.orientation_from,
-                chosen.hand or PARENT,
-            )
-            plans.start()
-            stack.callback(plans.stop)
+        feed = None if pads is None else _feed(chosen, keys, participant, pads, stack)
+        _advise(chosen, keys, participant, stack)
         static_transforms = f"{chosen.tf_topic}_static"
         publisher = RosPublisher(participant, {static_transforms: 1, f"{chosen.prefix}/warning": LATCHED_WARNINGS})
         forwarder = RosForwarder(
@@ -163,6 +137,49 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
         if environment.warning:
             print(f"slipctl: {environment.warning}", file=sys.stderr, flush=True)
         _serve(subscriber, forwarder)
+
+
+def _feed(
+    chosen: argparse.Namespace,
+    keys: Keys | None,
+    participant: DomainParticipant,
+    pads: PadFrames,
+    stack: contextlib.ExitStack,
+) -> RosFeed | None:
+    """Begin to send the daemon the motion of the arm, or its orientation; None: neither is asked for."""
+    if not (chosen.imu or chosen.orientation_from):
+        return None
+    source = _source(participant, chosen)
+    port = arm_port(read_config(chosen.config), IMU_SPAN_S if chosen.imu else POSE_SPAN_S)
+    if port is not None:
+        feed: RosFeed = ArmFeed(participant, port, source)
+    else:
+        client = stack.enter_context(GripClient(chosen.requests, keys=keys))
+        feed = OrientationFeed(client, source, pads.orientations)
+    stack.enter_context(feed)
+    return feed
+
+
+def _advise(
+    chosen: argparse.Namespace, keys: Keys | None, participant: DomainParticipant, stack: contextlib.ExitStack
+) -> None:
+    """Begin to publish how fast the arm may go, and to check planned motions, where that is asked for."""
+    if chosen.speed_scaling is not None:
+        advisor = stack.enter_context(MotionAdvisor(chosen.publish, chosen.requests, keys=keys))
+        controller = RosPublisher(participant, {chosen.speed_scaling: 1})
+        stack.enter_context(SpeedScaling(controller.publish, chosen.speed_scaling, advisor, chosen.speed_floor))
+    if chosen.check_plans is not None:
+        client = stack.enter_context(GripClient(chosen.requests, keys=keys))
+        stack.enter_context(
+            PlanCheck(
+                ros_reader(participant, chosen.check_plans, PLAN, reliable=True),
+                RosPublisher(participant, {}).publish,
+                f"{chosen.prefix}/motion_check",
+                client.motion_check,
+                chosen.plan_frame or chosen.orientation_from,
+                chosen.hand or PARENT,
+            )
+        )
 
 
 def _serve(subscriber: Subscriber, forwarder: RosForwarder) -> None:

@@ -12,12 +12,19 @@ from typing import cast
 from slipd.config import Gripper as GripperConfig
 from slipd.devices import GripperSession
 from slipd.finger.finger import Finger
-from slipd.gripper.commanded_motion import ARRIVED_M, CommandedMotion
 from slipd.gripper.grip_gate import judge, why_not_sent
 from slipd.gripper.grip_in_force import GripInForce, not_free
 from slipd.gripper.grip_policy import GripLimits, GripPolicy
 from slipd.gripper.grip_rules import PUT_DOWN
-from slipd.gripper.gripper_faults import COMMAND_LOST, LINK_LOST, MOTION_IGNORED, NO_ANSWER, GripperFaultDetector
+from slipd.gripper.gripper_watch import (
+    ARRIVED_M,
+    COMMAND_LOST,
+    LINK_LOST,
+    MOTION_IGNORED,
+    NO_ANSWER,
+    CommandedMotion,
+    GripperFaultDetector,
+)
 from slipd.gripper.intent import GripperState, Intent, IntentKind, Situation
 from slipd.types.arrays import finite_or_none
 from slipd.types.permit import Permit, Refusal

@@ -88,9 +88,7 @@ class Lease:
 
     def check(self, client: bytes, t_ns: int) -> Refusal | None:
         """Return a refusal unless the client holds the lease."""
-        if self.holder(t_ns) == client:
-            return None
-        return NO_LEASE
+        return None if self.holder(t_ns) == client else NO_LEASE
 
     def now(self, t_ns: int) -> int:
         """Return the latest time of all calls."""

@@ -122,8 +122,7 @@ def encode_setpoint(setpoint_id: int, operation: str, **values: float | None) ->
         operation: "activate", "move", "force", "stop" or "acknowledge".
         values: Its values, in SI units.
     """
-    data: bytes = msgpack.packb({"v": VERSION, "id": setpoint_id, "op": operation, **values})
-    return data
+    return bytes(msgpack.packb({"v": VERSION, "id": setpoint_id, "op": operation, **values}))
 
 
 def encode_notice(key: str, text: str) -> bytes:
@@ -133,8 +132,7 @@ def encode_notice(key: str, text: str) -> bytes:
         key: `REGISTERED` or `REFUSED`.
         text: The name that registered, or the reason of the refusal.
     """
-    data: bytes = msgpack.packb({"v": VERSION, key: text})
-    return data
+    return bytes(msgpack.packb({"v": VERSION, key: text}))
 
 
 _BEGIN = re.compile(rb"[\x82-\x8a](?:[\xa1-\xaf](?:[a-z]|\Z)|\Z)")  # a map of 2 to 10 fields, and a key
