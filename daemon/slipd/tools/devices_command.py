@@ -39,10 +39,7 @@ def print_devices(name: str | None, *, as_json: bool) -> None:
         UsageError: The device is not installed, or cannot be used.
     """
     if name is not None:
-        found = find_device(name)
-        if found is None:
-            raise UsageError(f"no device {name!r} is installed; `slipd devices` lists those that are")
-        _describe(found, as_json=as_json)
+        _describe(*usable_device(name), as_json=as_json)
         return
     usable = [each for each in installed() if each.device is not None]
     faulty = [each for each in installed() if each.device is None]
@@ -53,14 +50,25 @@ def print_devices(name: str | None, *, as_json: bool) -> None:
     for line in aligned([TITLES, *(tuple(_summary(each).values()) for each in usable)]):
         print(line)
     for each in faulty:
-        print(f"{one_line(each.name)} of {_package(each)} cannot be used: {one_line(each.fault)}")
+        print(f"{one_line(each.name)} of {package_of(each)} cannot be used: {one_line(each.fault)}")
 
 
-def _describe(found: Installed, *, as_json: bool) -> None:
+def usable_device(name: str) -> tuple[Installed, Device]:
+    """Return where a device comes from, and the device.
+
+    Raises:
+        UsageError: It is not installed, or cannot be used.
+    """
+    found = find_device(name)
+    if found is None:
+        raise UsageError(f"no device {name!r} is installed; `slipd devices` lists those that are")
+    if found.device is None:
+        raise UsageError(f"{name!r} of {package_of(found)} cannot be used: {found.fault}")
+    return found, found.device
+
+
+def _describe(found: Installed, device: Device, *, as_json: bool) -> None:
     """Print where a device comes from, its lines, rates and options, and its own description."""
-    device = found.device
-    if device is None:
-        raise UsageError(f"{found.name!r} of {_package(found)} cannot be used: {found.fault}")
     (low_hz, high_hz), options = device.rates_hz, list(options_of(device))
     if as_json:
         more = {"rates_hz": [low_hz, high_hz], "baud": device.baud, "about": device.about, "options": options}
@@ -68,7 +76,7 @@ def _describe(found: Installed, *, as_json: bool) -> None:
         return
     speed = f", {device.baud} bit/s" if device.baud else ""
     print(f"{found.name}: {device.kind}, {' or '.join(device.transports)}{speed}, {low_hz:g} to {high_hz:g} Hz")
-    print(f"package: {_package(found)}\nevidence: {EVIDENCE[device.evidence]}")
+    print(f"package: {package_of(found)}\nevidence: {EVIDENCE[device.evidence]}")
     for option, kind, default, meaning in options:
         print(f"option {option}: {kind}, default {default}. {meaning}")
     print(f"\n{device.about.strip()}" if device.about else "described in: slipd docs devices")
@@ -76,11 +84,12 @@ def _describe(found: Installed, *, as_json: bool) -> None:
 
 def _summary(each: Installed) -> dict[str, Any]:
     device: Any = each.device
-    cells = (each.name, device.kind, ", ".join(device.transports), _package(each), EVIDENCE[device.evidence])
+    cells = (each.name, device.kind, ", ".join(device.transports), package_of(each), EVIDENCE[device.evidence])
     return dict(zip(TITLES, cells, strict=True))
 
 
-def _package(each: Installed) -> str:
+def package_of(each: Installed) -> str:
+    """Return the package of a device, with its version."""
     return f"{each.package} {each.version}".strip()
 
 

@@ -10,14 +10,18 @@ import contextlib
 import errno
 import os
 import shutil
+import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from slipd.errors import RecordingError, SlipdError, UsageError
+from slipd.errors import RecordingError, SlipdError, UsageError, printable
+
+if TYPE_CHECKING:
+    from slipd.recording.reader import Recording
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +140,19 @@ def _place(written: Path, out: Path, aside: Path) -> None:
 
 def _unwritable(out: Path, error: OSError) -> SlipdError:
     return SlipdError(f"{out}: cannot be written: {error.strerror or error}")
+
+
+def all_complete(recordings: Iterable[Recording], what: str = "recording") -> bool:
+    """Return whether recordings are complete; print what is missing of each that is not.
+
+    Args:
+        recordings: Recordings that were read to their end.
+        what: What is incomplete, for people.
+    """
+    faults = [recording.missing for recording in recordings if recording.missing]
+    for fault in faults:
+        print(f"slipd: the {what} is incomplete: {printable(fault)}", file=sys.stderr)
+    return not faults
 
 
 MARK = "slipd_export"

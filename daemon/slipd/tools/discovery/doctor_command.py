@@ -14,11 +14,12 @@ from typing import Any, cast
 
 from slipd import __version__
 from slipd.config import transport_of
-from slipd.devices import Device, Session, find_device
+from slipd.devices import Device, Session
 from slipd.errors import SlipdError, UsageError, one_line
 from slipd.events import Bytes, Event, HostNotice, LinkDown, LinkSpec, LinkUp
 from slipd.io.transport import Links
 from slipd.io.transport.link import Link
+from slipd.tools.devices_command import package_of, usable_device
 from slipd.tools.discovery.examination import SUFFIX, Capture, Finding, Piece, decode, examine, read_capture
 from slipd.tools.discovery.port_probe import question_options
 
@@ -78,16 +79,12 @@ def _captured(port: str, name: str | None, seconds: float, baud: int | None, opt
     """Read a device; errors are those of `doctor`."""
     if name is None:
         raise UsageError("--device is missing: give the name of the device, as `slipd devices` lists it")
-    found = find_device(name)
-    if found is None or found.device is None:
-        why = f"cannot be used: {found.fault}" if found is not None else "is not installed; see `slipd devices`"
-        raise UsageError(f"the device {name!r} {why}")
-    device, transport = found.device, transport_of(port)
+    (found, device), transport = usable_device(name), transport_of(port)
     if transport not in device.transports:
         raise UsageError(f"PORT must be the {' or '.join(device.transports)} line of {name}, got {port}")
     given = json.loads(json.dumps(question_options(device, transport) | _parsed(options)))  # as they are read back
     capture = Capture(
-        name, f"{found.package} {found.version}", transport, (baud or device.baud or 0) if transport == "serial" else 0,
+        name, package_of(found), transport, (baud or device.baud or 0) if transport == "serial" else 0,
         given, seconds,
     )  # fmt: skip
     log = logging.getLogger(Link.__module__)

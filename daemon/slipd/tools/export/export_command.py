@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 
 from slipd.compile_kernels import compile_kernels
 from slipd.config import Config
-from slipd.errors import RecordingError, SlipdError, UsageError, printable
+from slipd.errors import RecordingError, SlipdError, UsageError
 from slipd.io.progress import Progress
 from slipd.recording.reader import Recording, open_recording
 from slipd.recording.replay import replay_dated
@@ -18,7 +17,17 @@ from slipd.tools.export.frames import FrameLayout, FrameSampler, frame_layout
 from slipd.tools.export.lerobot_dataset import ROBOT, lerobot_dataset
 from slipd.tools.export.message_tables import LOG_TIME, Write, csv_files, parquet_tables
 from slipd.tools.export.ros2_bag import ros2_bag
-from slipd.tools.outputs import MARK, SLIPD, Kind, draft, first_bytes, is_recording, storable, stored_schema
+from slipd.tools.outputs import (
+    MARK,
+    SLIPD,
+    Kind,
+    all_complete,
+    draft,
+    first_bytes,
+    is_recording,
+    storable,
+    stored_schema,
+)
 
 FORMATS: dict[str, Callable[[Path, Config], AbstractContextManager[Write]]] = {
     "ros2": ros2_bag,
@@ -72,10 +81,7 @@ def export_command(
             frames = _frames(opened, written, layout, rate_hz or 1, task or TASK, show)
             what = f"{frames} frames of {'1 episode' if len(opened) == 1 else f'{len(opened)} episodes'}"
     print(f"{out}: written, {what}")
-    faults = [recording.missing for recording in opened if not recording.complete]
-    for fault in faults:
-        print(f"slipd: the export is incomplete: {printable(fault)}", file=sys.stderr)
-    return not faults
+    return all_complete(opened, "export")
 
 
 def _check(recordings: Sequence[Path], to: str, rate_hz: int | None, task: str | None) -> None:

@@ -6,7 +6,6 @@ is replayed where it holds no verdicts that this version can draw, and for anoth
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,11 +14,11 @@ from typing import Any
 import msgpack
 
 from slipd import config
-from slipd.errors import RecordingError, UsageError, printable
+from slipd.errors import RecordingError, UsageError
 from slipd.io.progress import Progress
 from slipd.recording.reader import Recording, open_recording
 from slipd.tools.evaluation.config_run import with_recorded_tares
-from slipd.tools.outputs import Kind, draft, first_bytes
+from slipd.tools.outputs import Kind, all_complete, draft, first_bytes
 from slipd.tools.plot.binned_track import Window
 from slipd.tools.plot.plot_page import GENERATOR, DrawnRun, page
 from slipd.tools.plot.run_tracks import FingerTracks, RunTracks
@@ -69,11 +68,8 @@ def plot_command(
             configs = (config_file, None)
             runs = [read_run(*each, Window(begin_s, end_s), show) for each in zip(recordings, configs, strict=False)]
         written.write_text(page(runs), encoding="utf-8")
-    for recording in recordings:
-        if recording.missing:
-            print(f"slipd: the recording is incomplete: {printable(recording.missing)}", file=sys.stderr)
     print(f"{out}: written")
-    return all(recording.complete for recording in recordings)
+    return all_complete(recordings)
 
 
 def read_run(

@@ -24,9 +24,10 @@ from typing import Any
 from websockets.http11 import Response
 
 from slipd.compile_kernels import compile_kernels, interruptible
-from slipd.errors import SlipdError, printable
+from slipd.errors import SlipdError
 from slipd.recording.reader import EventGaps, Recording, open_recording
 from slipd.recording.replay import PlaybackPace, replay
+from slipd.tools.outputs import all_complete
 from slipd_client.arguments import ListenAddress
 from slipd_client.errors import CallError
 from slipd_client.live_view import change_reasons
@@ -74,9 +75,7 @@ def replay_command(path: Path, speed: float | None, *, as_json: bool, publish: s
     else:
         for topic, body in messages:
             show(topic, body)
-    if not recording.complete:
-        print(f"slipd: the recording is incomplete: {printable(recording.missing)}", file=sys.stderr)
-    return recording.complete
+    return all_complete([recording])
 
 
 async def _publish(messages: Iterator[tuple[str, dict[str, Any]]], endpoint: str, show: Show, *, as_json: bool) -> None:

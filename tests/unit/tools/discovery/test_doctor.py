@@ -100,7 +100,7 @@ def test_a_silent_port_an_absent_one_and_one_that_is_unplugged(
     ("changes", "error"),
     [
         ({"name": None}, "--device is missing: give the name of the device"),
-        ({"name": "botta"}, "the device 'botta' is not installed; see `slipd devices`"),
+        ({"name": "botta"}, "no device 'botta' is installed; `slipd devices` lists those that are"),
         ({"port": "udp://a:1"}, "PORT must be the serial line of bota, got udp://a:1"),
         ({"arguments": ("--options", "sinc_length = 3")}, "--options: sinc_length must be an integer from 64"),
         (
@@ -117,7 +117,7 @@ def test_a_wrong_call_is_refused(tmp_path: Path, changes: dict[str, Any], error:
 
 def test_a_broken_device_and_a_folder_that_cannot_be_written_are_named(tmp_path: Path, install: Install) -> None:
     install("some-sensor", "mine", "broken_module:DEVICE", "1/0")
-    with pytest.raises(SlipdError, match=r"'mine' cannot be used: .*ZeroDivisionError"):
+    with pytest.raises(SlipdError, match=r"'mine' of some-sensor .* cannot be used: .*ZeroDivisionError"):
         doctor("/nowhere", "mine", tmp_path)
     line = PtyLine(tmp_path / "line")
     with pytest.raises(SlipdError, match="cannot be written: No such file"):
