@@ -163,9 +163,8 @@ class Agreement:
         self._sides = np.ascontiguousarray(neighbours(rows, cols)[:, _SIDES])
         self._pitch_m, self._least_n, self._gain_error = pitch_m, least_n, gain_error
         self._before: Contact | None = None
-        self._since_ns: int | None = None
-        self._images = 0
-        self._agreed_ns = 0
+        self._images = self._since_ns = 0  # in a row that differ, and since when
+        self._differed_ns = 0
         self.shown = 0.0
         self.reported: tuple[str, ...] = ()
 
@@ -188,36 +187,38 @@ class Agreement:
         """
         total, x_sum, y_sum, inner = _moments(x, y, pressure, self._sides)
         if contact.valid:
-            now = self._differences(contact, force_std_n, total, x_sum, y_sum, inner)
+            found = self._differences(contact, force_std_n, total, x_sum, y_sum, inner)
             if contact.normal_n > CLEAR * self._least_n:
                 self.shown = total if math.isfinite(total) else 0.0
             elif not self.reported:
                 self.shown = 0.0
             self._before = contact
         elif self.shown > 0.0 and total >= (GONE if self.reported else KEPT) * self.shown:
-            now, self._before = _CONTACT, None
+            found, self._before = _CONTACT, None
         else:
             self.shown = 0.0
             self.reset()
             return ()
-        if not now:
-            self._since_ns, self._images = None, 0
-            if t_ns - self._agreed_ns >= AGREE_NS:
-                self.reported = ()
-            return self.reported
-        if self._since_ns is None:
-            self._since_ns = t_ns
-        self._images += 1
-        self._agreed_ns = t_ns
-        if self.reported or (self._images >= PERSIST_IMAGES and t_ns - self._since_ns >= PERSIST_NS):
-            self.reported = now
+        self._follow(found, t_ns)
         return self.reported
+
+    def _follow(self, found: tuple[str, ...], t_ns: int) -> None:
+        """Report what differs once it has lasted, until both have agreed for long."""
+        if found:
+            self._since_ns = self._since_ns if self._images else t_ns
+            self._images, self._differed_ns = self._images + 1, t_ns
+            if self.reported or (self._images >= PERSIST_IMAGES and t_ns - self._since_ns >= PERSIST_NS):
+                self.reported = found
+        else:
+            self._images = 0
+            if t_ns - self._differed_ns >= AGREE_NS:
+                self.reported = ()
 
     def reset(self) -> None:
         """Forget the comparison, because the contact or a stream ended; a contact that the force sensor lost lasts."""
         if self._before is not None or self.shown == 0.0:
             self.reported = ()
-        self._before, self._since_ns, self._images = None, None, 0
+        self._before, self._images = None, 0
 
     def _differences(
         self, contact: Contact, force_std_n: float, total: float, x_sum: float, y_sum: float, inner: int
