@@ -11,7 +11,7 @@ from nanoseconds import MS, T0, S
 from slipd.devices import bota
 from slipd.devices.pvdf import encode_scan
 from slipd.events import NEVER_NS, LinkSpec
-from slipd.links.device_link import DeviceLink, make_links
+from slipd.links.device_link import RESTART_NS, DeviceLink, make_links
 from slipd.tools.sim import emulated_wrenches as sim
 from slipd.tools.sim.emulated_pads import encode_message
 from slipd_client.messages import Health
@@ -81,6 +81,18 @@ def test_a_session_writes_only_while_its_link_is_up_and_a_device_that_sends_unas
     assert (status(link, T0)["state"], link.due_ns) == ("closed", NEVER_NS)
     assert (unasked.open("port", T0), unasked.due(T0 + 10**12), unasked.fault) == (b"", [], "")
     assert status(unasked, T0)["state"] is None
+
+
+def test_a_session_that_fails_as_it_writes_begins_again_a_second_after_its_start(
+    links: dict[str, DeviceLink], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    link = links["gripper"]
+    greeting = link.open("port", T0)
+    with monkeypatch.context() as patch:
+        patch.setattr(type(link.session), "on_time", lambda *_: 1 / 0)
+        assert link.due(T0 + 100 * MS) == []
+    assert (link.failed, "ZeroDivisionError" in link.fault, link.due_ns) == (True, True, T0 + RESTART_NS)
+    assert link.due(T0 + RESTART_NS) == [greeting]
 
 
 def boot(link: DeviceLink, serial: str, t_ns: int) -> int:
