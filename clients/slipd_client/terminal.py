@@ -43,7 +43,7 @@ def standard_output(program: str) -> Iterator[None]:
     A reader that closes its pipe ends the block without an error.
 
     Raises:
-        SystemExit: The disk that takes the output is full.
+        SystemExit: The disk that takes the output is full, or a file that was named cannot be reached.
     """
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
@@ -55,6 +55,8 @@ def standard_output(program: str) -> Iterator[None]:
         finally:
             sys.stdout.flush()
     except OSError as error:
+        if error.filename is not None:  # a name that is too long, or a folder that this user may not search
+            raise SystemExit(f"{program}: {error.filename}: {error.strerror}") from None
         if error.errno not in (errno.EPIPE, errno.ENOSPC):
             raise
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes once more at exit

@@ -90,13 +90,14 @@ class ResultCache:
     def put(self, job: Job, result: ConfigRun | LastingFault) -> None:
         """Keep a result."""
         of_run, of_fault = self._files(job)
-        path, content = (of_fault, result) if isinstance(result, LastingFault) else (of_run, asdict(result))
+        why, content = (result, result) if isinstance(result, LastingFault) else (result.fault, asdict(result))
+        path = of_fault if why else of_run
         with contextlib.suppress(OSError):
             self._folder.mkdir(parents=True, exist_ok=True)
             replace_file(path, json.dumps(content), mode=0o644)  # several users may share the folder
 
     def _files(self, job: Job) -> tuple[Path, Path]:
-        """Return the file of a run, and that of a fault, whose text names the recording and the config."""
+        """Return the file of a whole run, and that of a fault, whose text names the recording and the config."""
         named = hashlib.sha256(f"{job.path} {job.config.name}".encode(errors="surrogateescape")).hexdigest()
         return self._folder / f"{job.key}.json", self._folder / f"{job.key}-{named[:16]}.json"
 
@@ -146,7 +147,7 @@ def finished_runs(
     Yields:
         Runs in any order. Whatever goes wrong with a recording is in its runs.
     """
-    sizes = {path: path.stat().st_size if path.exists() else 0 for path in paths}
+    sizes = {path: path.stat().st_size if os.access(path, os.F_OK) else 0 for path in paths}
     if executor is None:
         short = sum(sizes.values()) <= FEW_BYTES or len(os.sched_getaffinity(0)) < 2
         executor = here if short else in_processes

@@ -67,7 +67,7 @@ def plot_command(
         with progress.shown() as show:
             configs = (config_file, None)
             runs = [read_run(*each, Window(begin_s, end_s), show) for each in zip(recordings, configs, strict=False)]
-        written.write_text(page(runs), encoding="utf-8")
+        written.write_text(page(runs), encoding="utf-8", errors="backslashreplace")  # a file name may be no UTF-8
     print(f"{out}: written")
     return all_complete(recordings)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -37,11 +38,12 @@ def test_a_result_is_found_again(cache: ResultCache, cache_home: Path) -> None:
 
 def test_a_fault_is_kept_for_the_recording_and_the_config_that_it_names(cache: ResultCache) -> None:
     cache.put(job("a"), FAULT)
-    cache.put(job("a", "b.mcap"), LastingFault("b.mcap: too"))
+    cut_off = replace(RUN, fault="b.mcap: was cut off")
+    cache.put(job("a", "b.mcap"), cut_off)
     found = cache.get(job("a"))
     assert (found, type(found)) == (FAULT, LastingFault)
-    others = (job("a", "b.mcap"), job("a", config="a.toml"), job("b"))
-    assert [cache.get(each) for each in others] == ["b.mcap: too", None, None]
+    others = (job("a", "b.mcap"), job("a", "c.mcap"), job("a", config="a.toml"), job("b"))
+    assert [cache.get(each) for each in others] == [cut_off, None, None, None]
 
 
 def test_a_key_changes_with_recording_config_and_code(
