@@ -121,8 +121,8 @@ class Span:
     whole: str
 
     def text_for(self, letters: float) -> str:
-        """Return what is written where there is room for so many letters."""
-        return next((text for text in self.texts if len(text) <= letters), "")
+        """Return what is written where there is room for so many letters; capitals are wider than others."""
+        return next((text for text in self.texts if len(text) + 0.4 * sum(map(str.isupper, text)) <= letters), "")
 
 
 @dataclass(frozen=True, slots=True)

@@ -88,10 +88,11 @@ def test_spans_stand_at_their_times_with_the_text_that_fits() -> None:
     spans = [
         Span(0.0, 5.0, "caution", texts, texts[0]),
         Span(5.0, 5.9, "slipping", texts, "all"),
+        Span(6.0, 6.4, "ERROR", ("ERROR",), "capitals are wider"),
         Span(9.99, 10.0, "stable", texts, "s"),
     ]
     root = drawn(StripGroup("levels", {"a finger with a name that is far too long": spans}, "note & more"))
-    first, _, last = [each for each in root.iter() if each.get("fill")]
+    first, *_, last = [each for each in root.iter() if each.get("fill")]
     place = [float(first.get(key, "")) for key in ("x", "width")]
     assert place == pytest.approx([at(0.0), at(5.0) - at(0.0)], abs=0.1)
     assert float(last.get("width", "")) > 0.5, "a short one stays visible"
