@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from slipd_client.messages import GRIPPER_TOPIC, HEALTH, STATUS_TOPIC, Health
+from slipd_client.messages.names import DAEMON_LATE
 from slipd_client.repairs import DOCUMENT, repairs
 from slipd_client.terminal import UNKNOWN, Line, Sheet, Terminal, clock_time, paint, plain
 
@@ -215,15 +216,15 @@ def _add_repairs(sheet: Sheet, status: dict[str, Any]) -> None:
 
 
 def _add_stream(sheet: Sheet, name: str, stream: dict[str, Any]) -> None:
-    """Add one stream with its health, rate, age and counters; what is wrong with it is among the repairs."""
+    """Add one stream with its health, rate, age and counters; what needs a repair is named above."""
     health = stream["health"]
     rates = f"{_quantity(stream, 'rate_hz', 'Hz', 0)} of {_quantity(stream, 'expected_hz', 'Hz', 0)}"
     facts = [f"age {_scaled(stream.get('age_s'), 'ms', 0)}"]
     facts += [f"{word} {_quantity(stream, word, '', 0)}" for word in ("bad", "lost", "reconnects")]
     head = [(f"{plain(name):<20}", ""), (f"{HEALTH[health]:<7}", HEALTH_COLOURS[health]), (rates, "")]
     sheet.facts(head, [(fact, "") for fact in facts], NAME_CELLS)
-    if health == Health.OK and stream.get("message"):
-        sheet.remark(plain(stream["message"]), "", NAME_CELLS)
+    if (message := stream.get("message")) and (health == Health.OK or message.startswith(DAEMON_LATE)):
+        sheet.remark(plain(message), "", NAME_CELLS)
 
 
 def _in_newtons(body: dict[str, Any]) -> bool:

@@ -124,6 +124,10 @@ TARED = {"level": "stable", "tare_id": 2, "tare_busy": False, "mu": 0.5, "mu_sou
             {"status": STATUS | {"fingers": {}, "streams": {"left.pad": STREAM | {"health": 0, "message": ""}}}},
             r"nothing to repair\nleft\.pad +OK +998 Hz of 1000 Hz  age 2 ms  bad 3  lost 0  reconnects 2$",
         ),
+        (
+            {"status": {"streams": {"left.pad": STREAM | {"message": "the daemon was late by 0.02 s"}}}},
+            r"nothing to repair\nleft\.pad +WARN .* reconnects 2  the daemon was late by 0\.02 s$",
+        ),
         ({"status": STATUS | {"object_name": "mug"}}, r"lease held  object mug\n"),
         ({"status": STATUS | {"fingers": {"left": TARED}}}, r"left +STABLE +tare 2  mu 0\.50 config"),
         ({"gripper": GRIPPER}, r"width 42\.5 mm  force 12\.0 N of at most 40\.0 N  at rest  object contact_closing$"),
