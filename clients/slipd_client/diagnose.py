@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import io
 import json
 import os
@@ -115,6 +116,8 @@ class Bundle:
         except FileExistsError:
             raise CallError(f"{path}: exists, and is not overwritten; name another file") from None
         except OSError as error:
+            with contextlib.suppress(OSError):
+                path.unlink()
             raise CallError(f"{path}: cannot be written: {error.strerror}") from error
 
 

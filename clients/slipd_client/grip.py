@@ -76,7 +76,7 @@ class GripClient(Blocking, GripClientBase):
     async def _take_turn(self, timeout_s: float) -> float:
         until = time.monotonic() + timeout_s
         if not self._turn.acquire(timeout=timeout_s):
-            raise NoAnswer("another thread still waits for its reply; nothing was sent")
+            raise NoAnswer("the reply to another request of this client has not come yet; nothing was sent")
         return until
 
     async def _sleep(self, seconds: float) -> None:

@@ -153,7 +153,7 @@ def create(name: str, directory: Path) -> tuple[Path, Path]:
         for path in made:
             path.unlink()
         why = "exists already, and keys are never overwritten" if isinstance(error, FileExistsError) else error.strerror
-        raise KeyFileError(f"{error.filename}: {why}; choose another name or directory") from None
+        raise KeyFileError(f"{error.filename or directory / name}: {why}; choose another name or directory") from None
     return public_path, secret_path
 
 

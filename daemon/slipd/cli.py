@@ -91,8 +91,7 @@ def _exit_code(arguments: argparse.Namespace) -> int:
         print(f"slipd: {printable_lines(str(error))}", file=sys.stderr)
         cause = error.__cause__
         is_taken = isinstance(cause, WRONG_PLACES) or getattr(cause, "errno", None) == errno.EADDRINUSE
-        is_wrong_use = isinstance(error, UsageError) or is_taken
-        return WRONG if is_wrong_use else NO
+        return WRONG if isinstance(error, UsageError) or is_taken else NO
     except KeyboardInterrupt:
         if arguments.command in ENDED_IN_ORDER:
             return DONE

@@ -89,12 +89,13 @@ class ResultCache:
 
     def put(self, job: Job, result: ConfigRun | LastingFault) -> None:
         """Keep a result."""
-        of_run, of_fault = self._files(job)
         why, content = (result, result) if isinstance(result, LastingFault) else (result.fault, asdict(result))
-        path = of_fault if why else of_run
+        of_run, of_fault = self._files(job)
         with contextlib.suppress(OSError):
             self._folder.mkdir(parents=True, exist_ok=True)
-            replace_file(path, json.dumps(content), mode=0o644)  # several users may share the folder
+            replace_file(
+                of_fault if why else of_run, json.dumps(content), mode=0o644
+            )  # several users may share the folder
 
     def _files(self, job: Job) -> tuple[Path, Path]:
         """Return the file of a whole run, and that of a fault, whose text names the recording and the config."""

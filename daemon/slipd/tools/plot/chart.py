@@ -72,15 +72,13 @@ class Panel:
     """Curves with a common axis.
 
     Attributes:
-        title: What is drawn.
-        unit: Its unit; "" for none.
+        title: What is drawn, with its unit.
         curves: From the back to the front.
         limits: Values that are marked by a line, with a name.
         most: Larger values are drawn as this; None: the axis reaches up to the largest.
     """
 
     title: str
-    unit: str
     curves: Sequence[Curve]
     limits: Sequence[tuple[float, str]] = ()
     most: float | None = None
@@ -160,7 +158,6 @@ def chart(tracks: RunTracks, levels: Levels) -> list[Panel | StripGroup]:
         StripGroup("level and reasons", {name: list(_levels(one, extent)) for name, one, _ in fingers}),
         Panel(
             "utilisation λ",
-            "",
             [
                 *_of_each(fingers, "bounds", extent, "bounds", "band"),
                 *_of_each(fingers, "utilisation", extent),
@@ -172,18 +169,16 @@ def chart(tracks: RunTracks, levels: Levels) -> list[Panel | StripGroup]:
         StripGroup(
             "evidence of motion", dict(strip for name, one, _ in fingers for strip in _evidence(name, one, extent))
         ),
-        Panel("normal force", force, list(_of_each(fingers, "normal_n", extent))),
-        Panel("tangential force", force, list(_of_each(fingers, "tangential", extent))),
-        Panel("spin", torque, list(_of_each(fingers, "spin_nm", extent))),
-        Panel("grip force on one pad", force, list(_grip(tracks, fingers))),
+        Panel(f"normal force, {force}", list(_of_each(fingers, "normal_n", extent))),
+        Panel(f"tangential force, {force}", list(_of_each(fingers, "tangential", extent))),
+        Panel(f"spin, {torque}", list(_of_each(fingers, "spin_nm", extent))),
+        Panel(f"grip force on one pad, {force}", list(_grip(tracks, fingers))),
         Panel(
             "speed scale that the grip holds",
-            "",
             list(_curve("of the arm", "now", tracks.grasp["speed_scale"], extent)),
         ),
         Panel(
             "friction coefficient μ",
-            "",
             [
                 *_of_each(fingers, "mu_interval", extent, "interval", "band", steps=True),
                 *_of_each(fingers, "mu", extent, "in use", steps=True),
@@ -261,11 +256,6 @@ def _health(tracks: RunTracks) -> StripGroup:
         if counted:
             notes.append(f"{name}: {', '.join(counted)}")
     return StripGroup("health of the streams", strips, "; ".join(notes))
-
-
-def title_of(part: Panel | StripGroup) -> str:
-    """Return the title with the unit."""
-    return f"{part.title}, {part.unit}" if isinstance(part, Panel) and part.unit else part.title
 
 
 def stretches(points: Iterable[Held[Range]]) -> Iterator[list[Held[Range]]]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from slipd.tools.plot.binned_track import Held, Range, Window
-from slipd.tools.plot.chart import DARK_SPANS, SPAN_COLOURS, Curve, Panel, StripGroup, stretches, ticks, title_of
+from slipd.tools.plot.chart import DARK_SPANS, SPAN_COLOURS, Curve, Panel, StripGroup, stretches, ticks
 from slipd.types.arrays import Array
 
 WIDTH, LEFT, RIGHT = 1180, 150, 16
@@ -35,7 +35,7 @@ def chart_svg(parts: Sequence[Panel | StripGroup], window: Window) -> str:
     y = 0.0
     for part in parts:
         height = PANEL if isinstance(part, Panel) else STRIP * len(part.strips)
-        body.append(_text("title", LEFT, y + TITLE - 7, title_of(part)))
+        body.append(_text("title", LEFT, y + TITLE - 7, part.title))
         body += _legend(part, y) if isinstance(part, Panel) else _note(part, y)
         body += _panel(part, y + TITLE, window) if isinstance(part, Panel) else _strips(part, y + TITLE, window)
         y += TITLE + height + GAP
@@ -59,7 +59,7 @@ def _x(t_s: float, window: Window) -> float:
 
 
 def _legend(panel: Panel, y: float) -> Iterator[str]:
-    x = LEFT + 12 + LETTER * 1.25 * len(title_of(panel))
+    x = LEFT + 12 + LETTER * 1.25 * len(panel.title)
     for curve in panel.curves:
         sample = "v-4h18v8h-18z" if curve.kind == "band" else "h18"
         yield f'<path class="{curve.kind} {curve.colour}" d="M{x:.0f} {y + 11:g}{sample}"/>'

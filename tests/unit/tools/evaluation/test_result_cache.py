@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -38,7 +37,7 @@ def test_a_result_is_found_again(cache: ResultCache, cache_home: Path) -> None:
 
 def test_a_fault_is_kept_for_the_recording_and_the_config_that_it_names(cache: ResultCache) -> None:
     cache.put(job("a"), FAULT)
-    cut_off = replace(RUN, fault="b.mcap: was cut off")
+    cut_off = ConfigRun({}, fault="b.mcap: was cut off")
     cache.put(job("a", "b.mcap"), cut_off)
     found = cache.get(job("a"))
     assert (found, type(found)) == (FAULT, LastingFault)

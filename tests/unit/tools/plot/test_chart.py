@@ -41,16 +41,16 @@ def test_a_real_run_has_every_part(demo: tuple[RunTracks, Any]) -> None:
         "level and reasons",
         "utilisation λ",
         "evidence of motion",
-        "normal force",
-        "tangential force",
-        "spin",
-        "grip force on one pad",
+        "normal force, N",
+        "tangential force, N",
+        "spin, N·m",
+        "grip force on one pad, N",
         "friction coefficient μ",
         "source of μ",
         "health of the streams",
     ]
     assert part(parts, "utilisation λ").limits == ((0.5, "caution"), (0.6, "warning"), (1.0, "slips"))
-    assert [names(part(parts, title)) for title in ("utilisation λ", "grip force on one pad")] == [
+    assert [names(part(parts, title)) for title in ("utilisation λ", "grip force on one pad, N")] == [
         ["left: bounds", "right: bounds", "left", "right"],
         ["now", "needed", "commanded"],
     ]
@@ -100,12 +100,12 @@ def test_every_level_and_health_has_a_colour() -> None:
 def test_an_axis_has_every_value_that_is_finite_and_zero() -> None:
     values = (-2.0, 1.0), NO_VALUE, (3.0, math.inf)
     curve = Curve("x", "now", [Held(float(at), at + 1.0, value) for at, value in enumerate(values)])
-    least, most = Panel("x", "", [curve]).span
+    least, most = Panel("x", [curve]).span
     assert least < -2.0 < 3.0 < most < 4.0
-    assert Panel("x", "", [curve], most=2.0).span[1] < 2.5
-    assert Panel("x", "", [Curve("x", "now", [Held(0.0, 1.0, (0.0, 0.0))])]).span == (0.0, 1.0)
+    assert Panel("x", [curve], most=2.0).span[1] < 2.5
+    assert Panel("x", [Curve("x", "now", [Held(0.0, 1.0, (0.0, 0.0))])]).span == (0.0, 1.0)
     above = Curve("x", "now", [Held(0.0, 1.0, (2.0, 3.0))])
-    assert Panel("x", "", [above], limits=[(4.0, "slips")]).span == (0.0, pytest.approx(4.24))
+    assert Panel("x", [above], limits=[(4.0, "slips")]).span == (0.0, pytest.approx(4.24))
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6), st.integers(3, 12))

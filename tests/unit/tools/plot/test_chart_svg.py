@@ -48,7 +48,7 @@ def points_of(path: str) -> list[tuple[float, float]]:
 
 
 def test_a_curve_goes_through_least_and_largest_value_at_their_times_and_holds_the_last() -> None:
-    root = drawn(Panel("force", "N", [curve((0.0, 0.0, 0.0), (5.0, -1.0, 1.0))]))
+    root = drawn(Panel("force, N", [curve((0.0, 0.0, 0.0), (5.0, -1.0, 1.0))]))
     points = points_of(path_of(root, "line"))
     assert [x for x, _ in points] == pytest.approx([at(0.0), at(5.0), at(5.0), at(10.0), at(10.0)], abs=0.1)
     zero, low, high, *last = (y for _, y in points)
@@ -60,7 +60,7 @@ def test_a_curve_goes_through_least_and_largest_value_at_their_times_and_holds_t
 @pytest.mark.parametrize("kind", ["line", "band"])
 @pytest.mark.parametrize("largest", [2.5, 1e300, math.inf])
 def test_a_value_beyond_the_axis_is_drawn_at_its_edge(largest: float, kind: str) -> None:
-    panel = Panel("μ", "", [curve((0.0, 0.4, 0.6), (5.0, 0.4, largest), kind=kind)], most=2.0)
+    panel = Panel("μ", [curve((0.0, 0.4, 0.6), (5.0, 0.4, largest), kind=kind)], most=2.0)
     path = path_of(drawn(panel), kind)
     assert path.endswith("Z") == (kind == "band")
     heights = sorted({y for _, y in points_of(path)})
@@ -77,7 +77,7 @@ def test_a_value_beyond_the_axis_is_drawn_at_its_edge(largest: float, kind: str)
 def test_whatever_is_drawn_lies_within_its_panel(points: list[tuple[float, float, float]], band: bool) -> None:
     times = sorted(points, key=lambda point: point[0])
     values = [(t_s, min(one, other), max(one, other)) for t_s, one, other in times]
-    panel = Panel("x", "", [curve(*values, kind="band" if band else "line")], limits=[(1.0, "slips")], most=100.0)
+    panel = Panel("x", [curve(*values, kind="band" if band else "line")], limits=[(1.0, "slips")], most=100.0)
     for x, y in points_of(path_of(drawn(panel), "band" if band else "line")):
         assert LEFT <= x <= WIDTH - RIGHT
         assert TITLE - 0.1 <= y <= TITLE + PANEL + 0.1
