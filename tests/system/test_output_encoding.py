@@ -13,7 +13,7 @@ from replays import RECORDINGS
 RUN = "$'run\\xff.mcap'"
 """Its name is no UTF-8."""
 COPY = f"cp {RECORDINGS}/demo.mcap {RUN}"
-ON_ASCII = f"XDG_CACHE_HOME=. PYTHONIOENCODING=ascii:strict slipd evaluate {RUN}"
+ON_ASCII = f"XDG_CACHE_HOME=. PYTHONIOENCODING=ascii:strict slipd evaluate {RUN} 2>log"
 LONG = 300 * "a"
 
 
@@ -26,7 +26,7 @@ LONG = 300 * "a"
         ("slipd docs commands >&-", 0, ""),
         ("slipctl --version >&- 2>&-", 0, ""),
         ("slipd docs commands >/dev/full", 1, "slipd: the output cannot be written: No space left on device\n"),
-        (f"{COPY} && slipd plot {RUN} --out run.html", 0, ""),
+        (f"{COPY} && slipd plot {RUN} --out run.html 2>log", 0, ""),
         (rf"{COPY} && test $({ON_ASCII} | grep -c -e '? max' -e '^run\\udcff\.mcap') = 2", 0, ""),
         (f"slipd check {LONG}", 1, f"slipd: {LONG}: File name too long\n"),
         (f"slipd emulate {LONG}", 1, f"slipd: {LONG}: File name too long\n"),
