@@ -94,8 +94,17 @@ def _rows(fields: Iterable[Field]) -> list[tuple[str, ...]]:
         if rows and rows[-1][2] == _meaning(each) == _AS_IN_SLIP:
             rows[-1] = (f"{rows[-1][0]}, `{each.name}`", "", _AS_IN_SLIP)
         else:
-            rows.append((f"`{each.name}`", each.type_name, _meaning(each)))
+            rows.append((f"`{each.name}`", _kind(each), _meaning(each)))
     return rows
+
+
+def _kind(field: Field) -> str:
+    return field.kind.name + "?" * field.nullable
+
+
+def _range(field: Field) -> str:
+    words = "one of " + ", ".join(f'"{word}"' for word in field.words) if field.words else ""
+    return ", ".join(part for part in (field.number_range, words, field.limit) if part)
 
 
 def _meaning(field: Field) -> str:
@@ -112,7 +121,7 @@ def _request_fields() -> str:
     return table(
         ("field", "type", "meaning", "unit", "range", "where it is left out"),
         (
-            (f"`{each.name}`", each.type_name, each.meaning, each.unit, each.range_text, each.default_text)
+            (f"`{each.name}`", _kind(each), each.meaning, each.unit, _range(each), each.default_text)
             for each in ordered.values()
         ),
     )

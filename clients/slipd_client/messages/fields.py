@@ -187,21 +187,10 @@ class Field:
     needed: bool = False
 
     @property
-    def type_name(self) -> str:
-        """Its kind in the tables of ``docs/protocol.md``; "?" stands for "or nil"."""
-        return self.kind.name + "?" * self.nullable
-
-    @property
     def number_range(self) -> str:
         """The part of its range that is the same on every rig, for people; "" where it has none."""
         bounds = (("above", self.above), ("at least", self.least), ("at most", self.most))
         return " and ".join(f"{word} {bound:g}" for word, bound in bounds if bound is not None)
-
-    @property
-    def range_text(self) -> str:
-        """Its whole range for people; "" where it has none."""
-        words = "one of " + ", ".join(f'"{word}"' for word in self.words) if self.words else ""
-        return ", ".join(part for part in (self.number_range, words, self.limit) if part)
 
     @property
     def default_text(self) -> str:
