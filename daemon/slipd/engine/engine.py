@@ -195,7 +195,9 @@ class Engine:
             if t_ns >= write.due_ns or link.failed:
                 write.run_now(t_ns, out)
         if link.spec.name == GRIPPER_LINK:
-            self._gripper_check.run_now(t_ns, out)
+            self._gripper_check.due_ns = self._gripper.deadline_ns
+            if t_ns >= self._gripper_check.due_ns:
+                self._gripper_check.run_now(t_ns, out)
             self._follow_release()
         elif t_ns >= self._gripper_write.due_ns:  # a command may wait for its own pause, no longer
             self._gripper_write.run_now(t_ns, out)

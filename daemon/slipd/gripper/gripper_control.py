@@ -95,7 +95,7 @@ class GripperControl:
     @property
     def deadline_ns(self) -> int:
         """When `on_time` may find a change, unless something else comes before."""
-        if self.session.command_lost is not self._command_lost:
+        if self.session.command_lost is not self._command_lost or self.policy.fault != self._reported_fault:
             return 0
         lease_ns = self.policy.lease.deadline_ns
         return lease_ns if self.sample is None else min(lease_ns, self._heard_ns + self._silence_ns + 1)
