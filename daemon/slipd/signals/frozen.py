@@ -39,7 +39,8 @@ STILL = 1e-3
 JUMP_SHARE = 0.25
 """Share of the range of the force that no real force changes by, from one reading to the next, back and forth."""
 _NEVER = 1 << 62
-"""More repeats than ever occur; before the first reading, a time later than any, so that no gap ends with it."""
+"""More repeats than ever occur; before the first reading, a time later than any, so that no gap ends with it. Its
+negative: long before the first failure."""
 
 FLICKER_NS = 10_000_000_000
 FLICKERS = 3
@@ -57,7 +58,7 @@ STREAM = np.dtype(
         ("before", "f8", (6,)),
         ("step_n", "f8", (3,)),
         ("still", "f8", (6,)),
-        *[(name, "i8") for name in ("stuck_after", "gap_ns", "equal", "since_ns", "last_ns", "failures")],
+        *[(name, "i8") for name in ("stuck_after", "gap_ns", "equal", "since_ns", "last_ns")],
         *[(name, "i8") for name in ("habit", "habit_before", "habit_since_ns", "fault_before")],
         ("longest", "i8", (3,)),
         ("failed_ns", "i8", (FLICKERS,)),
@@ -70,10 +71,9 @@ STREAM = np.dtype(
 ``range_n``, ``range_nm``: more is impossible; ``jump_n``: a change of the force that no real force makes;
 ``stuck_after``: repeats that mean a stuck sensor; ``gap_ns``: a longer silence is a failure. ``before`` is the newest
 reading, at ``last_ns``, with the fault ``fault_before``; ``step_n`` is the last change, NaN where it was no jump.
-``equal`` readings
-repeat the one at ``since_ns``, each the one before, up to ``still`` by component. ``impossible`` counts impossible
-readings less the forgotten ones. ``failures`` are known, the newest last in ``failed_ns``. ``alert``: the stream failed
-lately.
+``equal`` readings repeat the one at ``since_ns``, each the one before, up to ``still`` by component. ``impossible``
+counts impossible readings less the forgotten ones. ``failed_ns``: when the last failures began, the newest last.
+``alert``: the stream failed lately, or some readings were impossible.
 
 ``habit``: longest run of equal readings that is usual for the sensor, learned from runs that ended by themselves: the
 third longest of the last 10 to 20 s, as one or two longer runs are chance, or a sensor that hung for a moment.
@@ -115,6 +115,7 @@ class WrenchWatch:
         stream["before"] = stream["step_n"] = math.nan
         stream["still"] = STILL * np.repeat(noise, 3)
         stream["since_ns"] = stream["last_ns"] = _NEVER
+        stream["failed_ns"] = -_NEVER
         self._found = 0
         self.fault = ""
         self.suspect = self.rests = False
@@ -239,14 +240,20 @@ def _find_fault(stream: Row, t_ns: int, gap: bool) -> int:
         return 0
     stream["impossible"] = max(stream["impossible"] - FORGET, 0.0)
     garbage = stream["impossible"] >= MOST_IMPOSSIBLE or (stream["garbage"] and stream["impossible"] > 0.0)
-    stream["garbage"] = garbage
-    intermittent = _fails_often(stream, t_ns, gap or stuck or garbage)
-    stream["alert"] = stream["failing"] or stream["impossible"] > 0.0 or stream["failures"] > 0
+    failing, failed_ns = gap or stuck or garbage, stream["failed_ns"]
+    if failing and not stream["failing"]:
+        for i in range(FLICKERS - 1):
+            failed_ns[i] = failed_ns[i + 1]
+        failed_ns[FLICKERS - 1] = t_ns
+    lately = failing or t_ns - failed_ns[FLICKERS - 1] <= FLICKER_NS
+    stream["garbage"], stream["failing"] = garbage, failing
+    stream["alert"] = lately or stream["impossible"] > 0.0
     if stuck:
         return STUCK
     if garbage:
         return GARBAGE
-    return INTERMITTENT if intermittent else 0
+    often = lately and failed_ns[FLICKERS - 1] - failed_ns[0] <= FLICKER_NS
+    return INTERMITTENT if often else 0
 
 
 @compiled_part
@@ -256,18 +263,3 @@ def _is_stuck(stream: Row, t_ns: int) -> bool:
     if equal >= stuck_after:
         return bool(lasts_ns >= STUCK_NS)
     return bool(equal >= HABITS * (stream["habit"] + 1) and stuck_after <= DEFAULT_REPEATS and lasts_ns >= HANG_NS)
-
-
-@compiled_part
-def _fails_often(stream: Row, t_ns: int, failing: bool) -> bool:
-    """Note whether the stream fails now; return whether it has failed often lately."""
-    failed_ns = stream["failed_ns"]
-    if failing and not stream["failing"]:
-        for i in range(FLICKERS - 1):
-            failed_ns[i] = failed_ns[i + 1]
-        failed_ns[FLICKERS - 1] = t_ns
-        stream["failures"] = min(stream["failures"] + 1, FLICKERS)
-    elif not failing and t_ns - failed_ns[FLICKERS - 1] > FLICKER_NS:
-        stream["failures"] = 0
-    stream["failing"] = failing
-    return bool(stream["failures"] == FLICKERS and failed_ns[FLICKERS - 1] - failed_ns[0] <= FLICKER_NS)
