@@ -89,6 +89,9 @@ class Pad:
 
     for_opening = for_raise
 
+    def note_grip(self, force_n: float) -> None:
+        """Only a comparison with an image needs it."""
+
 
 class Bench:
     """A gripper control over a recorded session, beside fingers whose contact the test sets."""

@@ -20,7 +20,7 @@ from slipd.finger.contact_estimator import ContactEstimator
 from slipd.finger.finger_state import FingerState, VerdictBatch
 from slipd.finger.finger_tares import TareGuard
 from slipd.finger.force_channel import ForceChannel, WrenchBatch
-from slipd.finger.force_image_check import NO_SUMMARY, ForceImageCheck
+from slipd.finger.force_image_check import CLEAR, NO_SUMMARY, ForceImageCheck
 from slipd.finger.freshness import PROMPT, Arrival, Read, pop_served
 from slipd.finger.image_channel import STALE, ImageChannel
 from slipd.finger.trust import ContactPresence, Trust, is_trusted
@@ -366,6 +366,11 @@ class Finger:
     def in_contact(self) -> bool:
         """The newest reading that could be trusted touches."""
         return bool(self._estimator.contact.row["memory"]["in_contact"][0])
+
+    def note_grip(self, force_n: float) -> None:
+        """Note the force on one pad of a grip that the gripper and another finger show together, N; 0: they do not."""
+        if self._check is not None:
+            self._check.agreement.gripped = force_n > CLEAR * self.config.min_normal_n
 
     # Requests
 

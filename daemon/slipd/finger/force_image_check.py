@@ -157,6 +157,7 @@ class Agreement:
         reported: Reasons of a lasting disagreement: "disagreement_contact" (one of both shows a clear contact, the
             other none), "disagreement_centroid", "disagreement_force".
         shown: Sum of the image of the last clear contact that the force sensor measures, or has lost; 0 where it ended.
+        gripped: The gripper and another finger show a clear grip, of which this force sensor must measure its share.
     """
 
     def __init__(self, rows: int, cols: int, pitch_m: float, least_n: float, gain_error: float | None = None) -> None:
@@ -166,6 +167,7 @@ class Agreement:
         self._images = self._since_ns = 0  # in a row that differ, and since when
         self._differed_ns = 0
         self.shown = 0.0
+        self.gripped = False
         self.reported: tuple[str, ...] = ()
 
     def update(
@@ -186,6 +188,7 @@ class Agreement:
             `reported`.
         """
         total, x_sum, y_sum, inner = _moments(x, y, pressure, self._sides)
+        missed = self.gripped and total > 0.0 and contact.normal_n + force_std_n < self._least_n
         if contact.valid:
             found = self._differences(contact, force_std_n, total, x_sum, y_sum, inner)
             if contact.normal_n > CLEAR * self._least_n:
@@ -193,8 +196,9 @@ class Agreement:
             elif not self.reported:
                 self.shown = 0.0
             self._before = contact
-        elif self.shown > 0.0 and total >= (GONE if self.reported else KEPT) * self.shown:
+        elif missed or (self.shown > 0.0 and total >= (GONE if self.reported else KEPT) * self.shown):
             found, self._before = _CONTACT, None
+            self.shown = self.shown or (total if self.reported else 0.0)
         else:
             self.shown = 0.0
             self.reset()

@@ -13,7 +13,7 @@ from slipd.config import Gripper as GripperConfig
 from slipd.devices import GripperSession
 from slipd.finger.finger import Finger
 from slipd.gripper.grip_gate import judge, why_not_sent
-from slipd.gripper.grip_in_force import GripInForce, not_free
+from slipd.gripper.grip_in_force import GripInForce, not_free, pressed_n
 from slipd.gripper.grip_policy import GripLimits, GripPolicy
 from slipd.gripper.grip_rules import PUT_DOWN
 from slipd.gripper.gripper_watch import (
@@ -22,6 +22,7 @@ from slipd.gripper.gripper_watch import (
     LINK_LOST,
     MOTION_IGNORED,
     NO_ANSWER,
+    STILL_NS,
     CommandedMotion,
     GripperFaultDetector,
 )
@@ -79,6 +80,9 @@ class GripperControl:
         if ignored and all(finger.presence.is_pressed() is False for finger in self._fingers.values()):
             self.policy.latch(MOTION_IGNORED)
         self.grip.update(sample, answers_command=sample.t_ns > self._motion.sent_ns)
+        shown_n = min(pressed_n(self._fingers, sample.t_ns) or 0.0, self.policy.force_n or 0.0) if self.holds else 0.0
+        for finger in self._fingers.values():
+            finger.note_grip(shown_n)
 
     def drop_after_pause(self, pause_ns: int) -> None:
         """Drop unsent commands after a pause of the daemon longer than `LONGEST_PAUSE_NS`, before any is written."""
@@ -173,7 +177,7 @@ class GripperControl:
         return None
 
     def conditions(self) -> list[tuple[Health, str]]:
-        """Return a grip of unknown force, the latched fault and a wrong width, for the status of the stream."""
+        """Return a grip of unknown force, the latched fault, a wrong width or motion, for the status of the stream."""
         fault, sample, found = self.policy.fault, self.sample, []
         if self.policy.unknown:
             found.append((Health.ERROR, f"{GRIP_UNKNOWN}, and stays as it is: {PUT_DOWN}"))
@@ -186,6 +190,8 @@ class GripperControl:
         )
         if opened and all(finger.presence.is_pressed() for finger in self._fingers.values()):
             found.append((Health.WARN, "it reports open fingers, and every finger measures a contact"))
+        if sample is not None and sample.t_ns - self._motion.still_ns > STILL_NS:
+            found.append((Health.WARN, "it reports that its fingers move, and they stay where they are"))
         return found
 
     def _forget(self, fault: str) -> None:

@@ -93,6 +93,9 @@ LONGEST_BEGIN_NS, BEGIN_PERIODS = 1_000_000_000, 3.0
 ARRIVED_M = 5e-4
 """Fingers this close to their goal have arrived, m; a motion that takes them no farther cannot be seen."""
 
+STILL_NS = 3_000_000_000
+"""Fingers that stay where they are for so long do not move, whatever the gripper reports: none is so slow."""
+
 FAR = 0.25
 """Share of the range of widths from which fingers that stay where they were have ignored a motion: closer to the goal,
 their own stop may hold them."""
@@ -107,6 +110,7 @@ class CommandedMotion:
     Attributes:
         moving: Whether the fingers move, as far as is known.
         sent_ns: When the newest motion was commanded.
+        still_ns: Since when the gripper reports that the fingers move, while they stay where they are.
         goals_m: Narrowest and widest goal of the motions that may be under way, m; None: there are none, or it is not
             known.
     """
@@ -119,7 +123,8 @@ class CommandedMotion:
         # _from_m, _from_ns: place and time at which the oldest motion that no reading has shown began; None: not known,
         # or the fingers may stay there
         self.moving = self._shown = False
-        self.sent_ns = self._from_ns = 0
+        self.sent_ns = self._from_ns = self.still_ns = 0
+        self._still_m = math.nan
         self._from_m: float | None = None
 
     def begin(self, goal_m: float, from_m: float | None, slowest_mps: float, t_ns: int) -> None:
@@ -158,6 +163,8 @@ class CommandedMotion:
             Whether the fingers are still where they were, far from the goal, and the gripper reports nothing that
             explains it.
         """
+        if not (sample.moving and width_m is not None and math.isclose(width_m, self._still_m, abs_tol=ARRIVED_M)):
+            self._still_m, self.still_ns = math.nan if width_m is None else width_m, sample.t_ns
         self.moving = sample.moving or (self.moving and sample.t_ns <= self.sent_ns)
         self._shown = self._shown or sample.moving or bool(sample.fault) or not sample.active
         if self.goals_m is None or sample.moving or sample.t_ns <= self.sent_ns:

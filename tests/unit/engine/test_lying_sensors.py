@@ -318,6 +318,18 @@ COURSES: dict[str, tuple[str, dict[str, str], list[Step]]] = {
             level("no_contact"),
         ],
     ),
+    "a force sensor that died before the grasp that its pad and the gripper show leaves the finger unknown": (
+        "",
+        {},
+        [
+            *[step for _ in range(30) for step in (NOTHING, image(np.zeros(16)), HELD)],
+            level("no_contact"),
+            *[step for shown in PATCH * 10 for step in (NOTHING, shown, HELD)],
+            *(level("unknown", "disagreement", "disagreement_contact"), REFUSED),
+            *[NOTHING, image(np.zeros(16)), HELD] * 2,
+            level("no_contact"),
+        ],
+    ),
     "a jump allows no raise before the next reading confirms it": (
         "",
         {},

@@ -91,6 +91,11 @@ COURSES: dict[str, tuple[str, float, list[Step]]] = {
             ],
         }.items()
     },
+    "a gripper that reports for ever that it moves is named": (
+        DRIVER, HELD_N,
+        [reports(moving=True), serve(2900), health("gripper", without="stay where"), serve(200),
+         health("gripper", "its fingers move, and they stay where they are", severity=Health.WARN)],
+    ),
     # a width that cannot be true
     "a gripper that reports open fingers, which measure a contact, is named": (
         DRIVER, HELD_N,
