@@ -364,7 +364,7 @@ class Engine:
             self._make_all_due()
         if pieces:
             out += [Write(name, piece) for piece in pieces]
-        if name == GRIPPER_LINK:
+        if name == GRIPPER_LINK:  # the session may have given up a command
             self._gripper_check.due_ns = min(self._gripper_check.due_ns, self._gripper.deadline_ns)
         return link.due_ns
 

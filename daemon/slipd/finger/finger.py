@@ -97,8 +97,8 @@ class Finger:
             torque_nm = math.hypot(wrench.torque_std_nm, lever_m * wrench.force_std_n)
             self.motion = ImageShift(self.image.geometry, WrenchUncertainty(wrench.force_std_n, torque_nm))
         # noted where they change, by _follow_tares and _follow_image
-        self._in_force: tuple[WrenchUncertainty, bool | None]
-        self._in_force = WrenchUncertainty() if self.force is None else self.force.noise, None
+        noise = WrenchUncertainty() if self.force is None else self.force.noise
+        self._in_force: tuple[WrenchUncertainty, bool | None] = noise, None
         self._image_fault, self._image_teaches = "", False
         for channel in self.channels.values():
             channel.tare.on_change.append(self._follow_tares)

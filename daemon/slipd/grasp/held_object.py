@@ -120,7 +120,7 @@ class HeldObject:
         return arm.is_used(t_ns)
 
     def _follow_swing(self, load: LoadReading, own: Array, motion: GripperMotion) -> None:
-        """Compare the spin on the pads with that of a rigid grip, once mass is known."""
+        """Compare the spin on the pads with that of a rigid grip, once the mass is known."""
         turns = np.linalg.norm(motion.acceleration_radps2) > EVEN_TURN_RADPS2
         if self._estimate.state.mass_kg is not None and not turns:
             axis = load.geometry.poses[0].rotation[:, 2]
