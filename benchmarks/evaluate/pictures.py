@@ -97,7 +97,7 @@ def _latencies(axes: Axes, campaign: Campaign) -> None:
         ylabel="% of slips of 100 ms or longer",
     )
     axes.set_title("How soon: all μ factors; what is never reported is missing", loc="left", fontsize=11)
-    axes.legend(frameon=False, loc="lower right")
+    axes.legend(frameon=False, loc="upper left")
 
 
 def _steps(axes: Axes, values: np.ndarray, first: float, colour: str, label: str) -> None:

@@ -119,6 +119,6 @@ def test_a_copy_that_was_changed_before_the_emulation_was_killed_is_kept_at_its_
     )
     kept = tmp_path / "rig" / "rig.commissioned.toml"
     told = f"the config was changed; it is kept, with the addresses of the emulated devices, as {kept}"
-    assert done.stdout.splitlines() == ["1", "0", told, kept.name, "1", "mine"], done.stderr
+    assert done.stdout.splitlines() == ["2", "0", told, kept.name, "1", "mine"], done.stderr
     assert "rig: an emulation runs there; end it, or give another --dir" in done.stderr
     assert "exists, and no emulation wrote it: move it away" in done.stderr

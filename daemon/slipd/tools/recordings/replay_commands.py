@@ -24,7 +24,7 @@ from typing import Any
 from websockets.http11 import Response
 
 from slipd.compile_kernels import compile_kernels, interruptible
-from slipd.errors import SlipdError
+from slipd.errors import UsageError
 from slipd.recording.reader import EventGaps, Recording, open_recording
 from slipd.recording.replay import PlaybackPace, replay
 from slipd.tools.outputs import all_complete
@@ -121,7 +121,7 @@ def view_recording(path: Path, listen: ListenAddress) -> None:
     Raises:
         RecordingError: The file cannot be read.
         ConfigError: The recorded config has faults for this version of slipd.
-        SlipdError: The port cannot be opened.
+        UsageError: The page cannot be served at this address.
     """
     recording = open_recording(path)
     with interruptible():
@@ -131,7 +131,7 @@ def view_recording(path: Path, listen: ListenAddress) -> None:
     try:
         asyncio.run(_serve(PageServer(listen, settings, on_data=view.answer), view))
     except CallError as error:
-        raise SlipdError(str(error)) from error
+        raise UsageError(str(error)) from error
 
 
 async def _serve(server: PageServer, view: RecordingView) -> None:

@@ -43,7 +43,7 @@ def emulate_command(file: Path, folder: Path | None, seed: int, *, unkind: bool 
     Raises:
         ConfigError: The config has faults.
         SlipdError: A line cannot be served, or the copy would replace a file that no emulation wrote.
-        UsageError: The folder cannot be created.
+        UsageError: The folder cannot be created, or an emulation runs there.
     """
     if not file.exists() and file.name == str(file) and not file.suffix:
         file = shipped_config(str(file))
@@ -73,7 +73,7 @@ def _check_free(folder: Path) -> None:
     """Raise if an emulation runs in a folder: it would lose its copy of the config, and its commands."""
     with socket.socket(socket.AF_UNIX) as line, contextlib.suppress(OSError):
         line.connect(str(folder / SOCKET))
-        raise SlipdError(f"{folder}: an emulation runs there; end it, or give another --dir")
+        raise UsageError(f"{folder}: an emulation runs there; end it, or give another --dir")
 
 
 async def _serve(devices: TouchedDevices, written: Path) -> None:

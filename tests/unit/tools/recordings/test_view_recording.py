@@ -66,7 +66,7 @@ def test_a_port_in_use_is_an_error_that_names_another(tmp_path: Path, capsys: py
     shutil.copy(DATA / "replays" / "bota.mcap", tmp_path)
     with socket.create_server(("127.0.0.1", 0)) as taken:
         where = f"127.0.0.1:{taken.getsockname()[1]}"
-        assert cli.main(["view", str(tmp_path / "bota.mcap"), "--listen", where]) == 1
+        assert cli.main(["view", str(tmp_path / "bota.mcap"), "--listen", where]) == 2
     assert "--listen 127.0.0.1:0 takes any free port" in capsys.readouterr().err
 
 
