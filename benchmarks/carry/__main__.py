@@ -22,24 +22,34 @@ TURN_S = LIFT_S + 1.0
 
 
 class Weighed(NamedTuple):
-    """Errors of the object over their stated deviations, and the errors; NaN where it was not known."""
+    """Errors of the object over their stated deviations, and the errors; NaN where it was not known.
+
+    The inertia is that about the normal of the pads.
+    """
 
     mass_part: float
     mass_stds: float
     com_m: float
     com_stds: Array
+    inertia_part: float
+    inertia_stds: float
 
 
 def weighed(carry: Carry, body: dict[str, Any]) -> Weighed:
     """Return the errors of ``object`` in a message."""
     found, nothing = body["object"], np.full(3, np.nan)
     if found["mass_kg"] is None:
-        return Weighed(np.nan, np.nan, np.nan, nothing)
+        return Weighed(np.nan, np.nan, np.nan, nothing, np.nan, np.nan)
     mass = found["mass_kg"] - carry.mass_kg
     known = found["com_m"] is not None
     com = np.array(found["com_m"]) - carry.com_m if known else nothing
     stds = com / np.array(found["com_std_m"]) if known else nothing
-    return Weighed(mass / carry.mass_kg, mass / found["mass_std_kg"], float(np.linalg.norm(com)), stds)
+    inertia = np.nan if found["inertia_kgm2"] is None else found["inertia_kgm2"] - carry.inertia_kgm2
+    inertia_std = found["inertia_std_kgm2"] or np.nan
+    return Weighed(
+        mass / carry.mass_kg, mass / found["mass_std_kg"], float(np.linalg.norm(com)), stds,
+        inertia / carry.inertia_kgm2, inertia / inertia_std,
+    )  # fmt: skip
 
 
 def measure_weighing(count: int, first: int = 0) -> None:
@@ -52,12 +62,15 @@ def measure_weighing(count: int, first: int = 0) -> None:
         after.append(weighed(carry, bodies[-1][1]))
         print(seed, round(carry.mass_kg, 3), after[-1], bodies[-1][1]["object"]["unknown"], flush=True)
     for name, found in (("before the turn", before), ("after it", after)):
-        mass, mass_stds, com, com_stds = (np.array(each) for each in zip(*found, strict=True))
+        mass, mass_stds, com, com_stds, inertia, inertia_stds = (np.array(each) for each in zip(*found, strict=True))
         print(f"{name}: mass known in {np.isfinite(mass).sum()} of {count}, com in {np.isfinite(com).sum()}")
         if np.isfinite(mass).any():
             print(
                 f"  mass error p95 {100 * np.nanpercentile(abs(mass), 95):.2f} %, within 2 std {_within(mass_stds):.3f}"
             )
+        if np.isfinite(inertia).any():
+            print(f"  inertia known in {np.isfinite(inertia).sum()}, error p50, p95 "
+                  f"{np.nanpercentile(abs(inertia), (50, 95)).round(3)}, within 2 std {_within(inertia_stds):.3f}")  # fmt: skip
         if np.isfinite(com).any():
             print(f"  com error p95 {1000 * np.nanpercentile(com, 95):.2f} mm, within 2 std {_within(com_stds):.3f}")
 

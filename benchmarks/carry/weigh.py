@@ -81,12 +81,14 @@ class Carry:
         mass_kg: Mass of the object; 0: nothing is gripped.
         distort: How its sender is wrong.
         turns: The gripper is turned once.
+        about: Axis of that turn, of length 1; None: any.
     """
 
     rng: np.random.Generator
     mass_kg: float
     distort: Distortion | None = None
     turns: bool = True
+    about: Array | None = None
     com_m: Array = field(init=False)
 
     def __post_init__(self) -> None:
@@ -94,9 +96,11 @@ class Carry:
         self.com_m = rng.uniform((-0.03, -0.015, -0.02), (0.03, 0.015, 0.05))
         spread = rng.uniform(0.02, 0.05, 3) ** 2
         self._inertia = self.mass_kg * np.diag(spread[[1, 0, 0]] + spread[[2, 2, 1]])
+        self.inertia_kgm2 = float(self._inertia[1, 1])
         self._inertia += self.mass_kg * (self.com_m @ self.com_m * np.eye(3) - np.outer(self.com_m, self.com_m))
         self._start = Rotation.from_rotvec(rng.uniform(-0.3, 0.3, 3)) * Rotation.from_rotvec((math.pi, 0.0, 0.0))
-        self._axis = _unit(rng.normal(size=3))
+        axis = _unit(rng.normal(size=3))
+        self._axis = axis if self.about is None else self.about
         self._angle = math.radians(rng.uniform(60.0, 180.0)) * self.turns
         self._turn_s = rng.uniform(0.6, 1.2)
         up = np.array((0.0, 0.0, 1.0))

@@ -55,6 +55,12 @@ class HeldObject:
         "centre of mass; nil also while a component of it is unknown, which a turn of the gripper changes", nil=True
     )
     com_std_m: Triple | None = wire("standard deviation of each component", nil=True)
+    inertia_kgm2: float | None = wire(
+        "moment of inertia about the line through the centre of mass along the normal of the pads; nil until a turn "
+        "about it has shown it",
+        nil=True,
+    )
+    inertia_std_kgm2: float | None = wire("standard deviation of that moment", nil=True)
     unknown: str = wire("why mass or centre of mass is unknown, for people; empty where both are known")
 
 

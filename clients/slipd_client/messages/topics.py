@@ -265,8 +265,8 @@ class Grasp(Message):
     )
     width_m: float | None = wire("width between the pads; nil where the gripper does not report it", nil=True)
     object: HeldObject | None = wire(
-        "estimate of the held object: `mass_kg`, `mass_std_kg`, `com_m`, `com_std_m` and `unknown`, see "
-        "[the arm's motion](arm.md#the-object)",
+        "estimate of the held object: `mass_kg`, `mass_std_kg`, `com_m`, `com_std_m`, `inertia_kgm2`, "
+        "`inertia_std_kgm2` and `unknown`, see [the arm's motion](arm.md#the-object)",
         default=None,
     )
     reading_age_s: float | None = wire(

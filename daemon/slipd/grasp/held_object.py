@@ -1,4 +1,4 @@
-"""Follow the object that the fingers hold: mass, centre of mass and swing, and what is known of it by its name."""
+"""Follow the object that the fingers hold: mass, centre of mass, inertia and swing, and what is known by its name."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ WAIT_NS = 110_000_000
 SLOW_READINGS = 8
 """The orientation that requests set (`gravity.set`) is uncertain by its change over so many readings, 0.16 s."""
 EVEN_TURN_RADPS2 = 1.0
-"""A faster change of the turn shows no swing, because the inertia of the object is not known."""
+"""A faster change of the turn shows no swing, because the inertia of the object may not be known."""
 SAME_WEIGHT, SAME_READINGS = 0.03, 10
 """A named object is known again where the load differs from its weight by no more than the first part of it, in so many
 readings in a row, 0.2 s: then no table carries a part of it."""
@@ -145,9 +145,10 @@ class HeldObject:
     def _learn(self, load: LoadReading, own: Array, motion: GripperMotion) -> None:
         """Learn mass and centre of mass from a load whose ``own`` part is known."""
         estimate = self._estimate
+        normal = load.geometry.poses[0].rotation[:, 2]
         self._known.compare(estimate, own[:3], motion.gravity_mps2)
         rise = 1.0 + SCALE_STD * load.grip_n / self._noise_n
-        estimate.update(own, motion, load.geometry.noise, rise, load.geometry.lever_m)
+        estimate.update(own, motion, load.geometry.noise, rise, load.geometry.lever_m, normal)
         self._known.keep(estimate.state)
 
 

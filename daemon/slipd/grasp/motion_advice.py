@@ -33,7 +33,8 @@ LOOK_NS = 40_000_000
 OBJECT_STDS = 2.0
 """Mass and centre of mass count with so many standard deviations to the worse side."""
 GYRATION_M = 0.05
-"""Radius of gyration of the object about its centre of mass, at most: a rod of 0.17 m. It is not measured."""
+"""Radius of gyration of the object about its centre of mass, at most: a rod of 0.17 m. That about the normal of the pads
+counts only until a turn has shown it."""
 MOST_TURN_RADPS2 = 200.0
 """Largest angular acceleration that is reported."""
 RESTING_MPS2, RESTING_RADPS = 0.1, 0.02
@@ -55,6 +56,7 @@ class _Held(NamedTuple):
         com_m: Centre of mass in the gripper frame, shape (3,).
         middle_m: Point between both contacts, shape (3,).
         gravity: Gravity in the gripper frame, shape (3,), m/s².
+        gyration_m2: Square of the radius of gyration about the normal of the pads, at most, m².
     """
 
     pads: tuple[HeldPad, HeldPad]
@@ -62,6 +64,7 @@ class _Held(NamedTuple):
     com_m: Array
     middle_m: Array
     gravity: Array
+    gyration_m2: float
 
     def change_to(self, apparent: Array) -> Array:
         """Return the change to an apparent gravity, shape (3,) or (n, 3), without a turn, shape (6,) or (n, 6)."""
@@ -70,6 +73,12 @@ class _Held(NamedTuple):
     def spin_lever(self) -> Array:
         """Return what times the apparent gravity is the spin of 1 kg about the normal of the first pad, shape (3,)."""
         return np.cross(self.pads[0].turn[2], self.com_m - self.middle_m)
+
+    def couple(self, alpha: Array) -> Array:
+        """Return the torque of inertia of 1 kg under angular accelerations, shape (n, 3), rad/s²; m²/s²."""
+        normal = self.pads[0].turn[2]
+        about_normal = np.outer(alpha @ normal, normal)
+        return -(GYRATION_M**2) * (alpha - about_normal) - self.gyration_m2 * about_normal
 
 
 class MotionAdvice:
@@ -134,7 +143,7 @@ class MotionAdvice:
         most_mps2, way = min(along[least], *(limit for limit, _ in found)), ways[least]
         fast = held.gravity - way * max(most_mps2, 1e-3)
         used, _, side, tips = self._worst(held, fast[None])
-        spun = np.concatenate((held.spin_lever(), GYRATION_M**2 * held.pads[0].turn[2]))
+        spun = np.concatenate((held.spin_lever(), held.gyration_m2 * held.pads[0].turn[2]))
         now = self._apparent_now(held.com_m) if self._object.supported is None else held.apparent
         turn_use, turned = self._worst_orientation(held)
         limit_mps2 = max(most_mps2 - ERROR_MPS2, 0.0)
@@ -196,7 +205,7 @@ class MotionAdvice:
         Without ``known`` gravity at each point, shape (n, 3), there is no time scale.
         """
         at_rest = held.change_to(gravity)
-        rigid = np.concatenate((apparent - gravity, -(GYRATION_M**2) * points[:, 7:]), axis=1)
+        rigid = np.concatenate((apparent - gravity, held.couple(points[:, 7:])), axis=1)
         times_s, memory = np.ascontiguousarray(points[:, 0]), _memory(held.pads)
         rest, moving = self._with_swing(held, times_s, at_rest, rigid)
         used, at, side, tips, lack, scale = check_points(*held.pads, rest, moving, self.safety, memory)
@@ -254,7 +263,10 @@ class MotionAdvice:
             self._loads[0].held(first, mass, com - middle, error, share, spin_share),
             self._loads[1].held(second, mass, com - middle, error, 1.0 - share, 1.0 - spin_share),
         )
-        return _Held(pads, self._apparent, com, middle, np.array(gravity))
+        gyration_m2 = GYRATION_M**2
+        if own.inertia_kgm2 is not None and own.inertia_std_kgm2 is not None:
+            gyration_m2 = (own.inertia_kgm2 + OBJECT_STDS * own.inertia_std_kgm2) / own.mass_kg
+        return _Held(pads, self._apparent, com, middle, np.array(gravity), gyration_m2)
 
     def _apparent_now(self, com_m: Array) -> Array:
         """Return the apparent gravity at a place of the gripper now, shape (3,), m/s²."""

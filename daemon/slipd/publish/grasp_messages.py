@@ -82,6 +82,8 @@ def grasp_body(view: GraspView, hold: HoldState, held: ObjectState, t_ns: int) -
             "mass_std_kg": held.mass_std_kg,
             "com_m": None if held.com_m is None else list(held.com_m),
             "com_std_m": None if held.com_std_m is None else list(held.com_std_m),
+            "inertia_kgm2": held.inertia_kgm2,
+            "inertia_std_kgm2": held.inertia_std_kgm2,
             "unknown": held.unknown,
         },
         "age_s": load.age_s,

@@ -55,6 +55,11 @@ def test_a_turn_is_limited_by_the_inertia_and_by_the_lever_of_the_object() -> No
     limit = Advised(grip).limits().angular_acceleration_radps2
     couple = np.array((0.0, grip.mass_kg * GYRATION_M**2 * limit, 0.0))
     assert 0.95 <= SAFETY * true_use(grip, DOWN, couple) <= 1.0
+    long = Advised(grip)
+    long.held.state = replace(long.own, inertia_kgm2=grip.mass_kg * 3.0 * GYRATION_M**2, inertia_std_kgm2=5e-4)
+    assert long.limits().angular_acceleration_radps2 == pytest.approx(0.25 * limit, rel=0.01), (
+        "that of 2 × 5e-4 as well"
+    )
     aside = Advised(firm(0.4, (0.03, 0.0, 0.0))).limits()
     assert aside.angular_acceleration_radps2 < 0.7 * limit
     assert aside.mode == "rotation"

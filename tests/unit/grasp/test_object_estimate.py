@@ -1,6 +1,8 @@
-"""Mass and centre of mass from the load on both pads, and the motion of the arm at any time, on which they rest."""
+"""Mass, centre of mass and inertia from the load on both pads, and the motion of the arm at any time, on which they rest."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ NOISE = np.diag((0.03**2,) * 3 + (0.001**2,) * 3)
 STILL = np.zeros(3)
 COM_M = np.array((0.02, -0.01, 0.03))
 DOWN = np.array((0.0, 0.0, 9.81))
+NORMAL = np.array((0.0, -1.0, 0.0))
 
 
 def load_of(gravity: np.ndarray, mass_kg: float = 0.5) -> np.ndarray:
@@ -24,7 +27,7 @@ def load_of(gravity: np.ndarray, mass_kg: float = 0.5) -> np.ndarray:
 
 def learn(estimate: ObjectEstimate, load: np.ndarray, gravity: np.ndarray, times: int = 1) -> None:
     for _ in range(times):
-        estimate.update(load, GripperMotion(gravity, STILL, STILL, 0.0), NOISE, 2.0, 0.04)
+        estimate.update(load, GripperMotion(gravity, STILL, STILL, 0.0), NOISE, 2.0, 0.04, NORMAL)
 
 
 def lifted() -> ObjectEstimate:
@@ -53,6 +56,25 @@ def test_truth_is_within_two_deviations_after_a_lift_and_a_turn() -> None:
         errors_m.append(np.linalg.norm(np.array(found.com_m) - COM_M))
     assert inside >= 0.9 * n
     assert np.percentile(errors_m, 95) < 0.005
+
+
+@pytest.mark.parametrize("gyration_m", [0.03, 0.11])
+def test_inertia_is_known_after_a_turn_about_the_normal_of_the_pads_and_kept(gyration_m: float) -> None:
+    estimate, inertia = lifted(), 0.5 * gyration_m**2
+    for phase in np.arange(0.0, 2.0 * math.pi, 0.02 * math.pi):
+        gravity = Rotation.from_rotvec((0.0, 1.0 - math.cos(phase), 0.0)).inv().apply(DOWN)
+        turn = math.pi * math.sin(phase) * np.array((0.0, 1.0, 0.0))
+        turning = math.pi**2 * math.cos(phase) * np.array((0.0, 1.0, 0.0))
+        pull = gravity - np.cross(turning, COM_M) - np.cross(turn, np.cross(turn, COM_M))
+        load = 0.5 * np.concatenate((pull, np.cross(COM_M, pull))) - inertia * np.concatenate((STILL, turning))
+        estimate.update(load, GripperMotion(gravity, turn, turning, 0.0), NOISE, 2.0, 0.04, NORMAL)
+    found = estimate.state
+    assert found.inertia_kgm2 == pytest.approx(inertia, abs=2.0 * found.inertia_std_kgm2)
+    assert found.inertia_std_kgm2 < max(0.5 * 0.03**2, 0.25 * inertia)
+    again = lifted()
+    again.recognise(gripped_again(estimate.state, 0.001))
+    learn(again, load_of(DOWN), DOWN, 5)
+    assert again.state.inertia_kgm2 == found.inertia_kgm2
 
 
 def test_turn_of_the_gripper_adds_the_pull_and_the_tangential_part_at_the_centre_of_mass() -> None:
