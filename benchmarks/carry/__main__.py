@@ -1,11 +1,12 @@
 """Measure objects that an arm carries: what is known of them, faults of the arm stream, and slip reports.
 
-``PYTHONPATH=benchmarks:tests/support python -m carry weigh|faults|slips [N [FIRST]]``: N grasps, seeds from FIRST on.
+``PYTHONPATH=benchmarks:tests/support python -m carry weigh|inertia|faults|slips [N [FIRST]]``: N grasps from seed FIRST on.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 from collections import Counter
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -19,6 +20,7 @@ from slipd.types.arrays import Array
 
 MASSES_KG = (0.1, 3.0)
 TURN_S = LIFT_S + 1.0
+MOST_TILT_DEG = 25.0
 
 
 class Weighed(NamedTuple):
@@ -62,17 +64,34 @@ def measure_weighing(count: int, first: int = 0) -> None:
         after.append(weighed(carry, bodies[-1][1]))
         print(seed, round(carry.mass_kg, 3), after[-1], bodies[-1][1]["object"]["unknown"], flush=True)
     for name, found in (("before the turn", before), ("after it", after)):
-        mass, mass_stds, com, com_stds, inertia, inertia_stds = (np.array(each) for each in zip(*found, strict=True))
+        mass, mass_stds, com, com_stds, *_ = (np.array(each) for each in zip(*found, strict=True))
         print(f"{name}: mass known in {np.isfinite(mass).sum()} of {count}, com in {np.isfinite(com).sum()}")
         if np.isfinite(mass).any():
             print(
                 f"  mass error p95 {100 * np.nanpercentile(abs(mass), 95):.2f} %, within 2 std {_within(mass_stds):.3f}"
             )
-        if np.isfinite(inertia).any():
-            print(f"  inertia known in {np.isfinite(inertia).sum()}, error p50, p95 "
-                  f"{np.nanpercentile(abs(inertia), (50, 95)).round(3)}, within 2 std {_within(inertia_stds):.3f}")  # fmt: skip
         if np.isfinite(com).any():
             print(f"  com error p95 {1000 * np.nanpercentile(com, 95):.2f} mm, within 2 std {_within(com_stds):.3f}")
+
+
+def measure_inertia(count: int, first: int = 0) -> None:
+    """Print what is known of the inertia after a turn about an axis within 25° of the normal of the pads."""
+    for size in (1.0, 2.0):
+        found = []
+        for seed in range(first, first + count):
+            rng = np.random.default_rng((9, seed))
+            tilt, around = math.radians(rng.uniform(0.0, MOST_TILT_DEG)), rng.uniform(0.0, 2.0 * math.pi)
+            about = np.array((math.sin(tilt) * math.cos(around), math.cos(tilt), math.sin(tilt) * math.sin(around)))
+            mass_kg = log_uniform(np.random.default_rng((seed, 1)), *MASSES_KG)
+            carry = Carry(np.random.default_rng(seed), mass_kg, about=about, size=size)
+            found.append(weighed(carry, [body for _, topic, body in play(carry, seed) if topic == "grasp"][-1]))
+        part, stds = (np.array([each[k] for each in found]) for k in (-2, -1))
+        print(
+            f"{size:g} times as large: known in {np.isfinite(part).sum()} of {count}, error p95 "
+            f"{100 * np.nanpercentile(abs(part), 95):.1f} %, within 2 std {_within(stds):.3f}, p50 of the std "
+            f"{100 * np.nanmedian(part / stds):.0f} %",
+            flush=True,
+        )
 
 
 def _within(stds: Array) -> float:
@@ -119,6 +138,7 @@ def _arm_messages(carry: Carry, seed: int) -> list[tuple[float, str]]:
 
 PROGRAMS: dict[str, Callable[..., None]] = {
     "weigh": measure_weighing,
+    "inertia": measure_inertia,
     "faults": measure_faults,
     "slips": measure_slips,
 }

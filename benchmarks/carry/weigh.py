@@ -82,6 +82,7 @@ class Carry:
         distort: How its sender is wrong.
         turns: The gripper is turned once.
         about: Axis of that turn, of length 1; None: any.
+        size: Factor on the radius of gyration, which is 28 to 71 mm.
     """
 
     rng: np.random.Generator
@@ -89,12 +90,13 @@ class Carry:
     distort: Distortion | None = None
     turns: bool = True
     about: Array | None = None
+    size: float = 1.0
     com_m: Array = field(init=False)
 
     def __post_init__(self) -> None:
         rng = self.rng
         self.com_m = rng.uniform((-0.03, -0.015, -0.02), (0.03, 0.015, 0.05))
-        spread = rng.uniform(0.02, 0.05, 3) ** 2
+        spread = (self.size * rng.uniform(0.02, 0.05, 3)) ** 2
         self._inertia = self.mass_kg * np.diag(spread[[1, 0, 0]] + spread[[2, 2, 1]])
         self.inertia_kgm2 = float(self._inertia[1, 1])
         self._inertia += self.mass_kg * (self.com_m @ self.com_m * np.eye(3) - np.outer(self.com_m, self.com_m))

@@ -33,8 +33,8 @@ LOOK_NS = 40_000_000
 OBJECT_STDS = 2.0
 """Mass and centre of mass count with so many standard deviations to the worse side."""
 GYRATION_M = 0.05
-"""Radius of gyration of the object about its centre of mass, at most: a rod of 0.17 m. That about the normal of the pads
-counts only until a turn has shown it."""
+"""Radius of gyration of the object about its centre of mass, at most: a rod of 0.17 m. About the normal of the
+pads it counts only until a turn has shown the inertia."""
 MOST_TURN_RADPS2 = 200.0
 """Largest angular acceleration that is reported."""
 RESTING_MPS2, RESTING_RADPS = 0.1, 0.02

@@ -1,4 +1,4 @@
-"""Mass, centre of mass and inertia from the load on both pads, and the motion of the arm at any time, on which they rest."""
+"""Mass, centre of mass and inertia from the load on both pads, and the motion of the arm at any time, for them."""
 
 from __future__ import annotations
 
