@@ -1,6 +1,6 @@
 """Measure objects that an arm carries: what is known of them, faults of the arm stream, and slip reports.
 
-``PYTHONPATH=benchmarks:tests/support python -m carry weigh|inertia|faults|slips [N [FIRST]]``: N grasps from seed FIRST on.
+``PYTHONPATH=benchmarks:tests/support python -m carry PROGRAM [N [FIRST]]``: N grasps, from seed FIRST; see `PROGRAMS`.
 """
 
 from __future__ import annotations

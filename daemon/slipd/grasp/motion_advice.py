@@ -1,8 +1,7 @@
 """How fast the arm may go with the object in the grip, so that the grip holds.
 
-The load of each pad under another motion is its mean load now plus what a change of the apparent gravity of the object
-adds, by its mass and centre of mass (`slipd.fusion.held_pad`). What is not known counts against the motion; see "How
-fast may it go", ``docs/physics.md``.
+The load of each pad under another motion is its mean load now and what the change adds (`slipd.fusion.held_pad`). What
+is not known counts against the motion. See "How fast may it go", ``docs/physics.md``.
 """
 
 from __future__ import annotations
@@ -23,6 +22,7 @@ from slipd.grasp.arm_motion import ArmMotion
 from slipd.grasp.grasp_fingers import PlacedFinger
 from slipd.grasp.held_object import HeldObject
 from slipd.grasp.motion_answers import Mode, MotionCheck, MotionLimits, NotKnownError, unbounded
+from slipd.grasp.object_estimate import GYRATION_M
 from slipd.grasp.object_swing import with_swing
 from slipd.grasp.pad_load import MEMORY_READINGS, PadLoad, shares_of
 from slipd.signals.gravity import MOST_GRAVITY_MPS2, STANDARD_GRAVITY_MPS2, gravities_at
@@ -31,10 +31,7 @@ from slipd.types.arrays import Array
 LOOK_NS = 40_000_000
 """The loads are read this often."""
 OBJECT_STDS = 2.0
-"""Mass and centre of mass count with so many standard deviations to the worse side."""
-GYRATION_M = 0.05
-"""Radius of gyration of the object about its centre of mass, at most: a rod of 0.17 m. About the normal of the
-pads it counts only until a turn has shown the inertia."""
+"""Mass, centre of mass and inertia count with so many standard deviations to the worse side."""
 MOST_TURN_RADPS2 = 200.0
 """Largest angular acceleration that is reported."""
 RESTING_MPS2, RESTING_RADPS = 0.1, 0.02
@@ -263,10 +260,7 @@ class MotionAdvice:
             self._loads[0].held(first, mass, com - middle, error, share, spin_share),
             self._loads[1].held(second, mass, com - middle, error, 1.0 - share, 1.0 - spin_share),
         )
-        gyration_m2 = GYRATION_M**2
-        if own.inertia_kgm2 is not None and own.inertia_std_kgm2 is not None:
-            gyration_m2 = (own.inertia_kgm2 + OBJECT_STDS * own.inertia_std_kgm2) / own.mass_kg
-        return _Held(pads, self._apparent, com, middle, np.array(gravity), gyration_m2)
+        return _Held(pads, self._apparent, com, middle, np.array(gravity), own.gyration_m2(OBJECT_STDS))
 
     def _apparent_now(self, com_m: Array) -> Array:
         """Return the apparent gravity at a place of the gripper now, shape (3,), m/s²."""

@@ -49,6 +49,15 @@ class ObjectState:
     inertia_kgm2: float | None = None
     inertia_std_kgm2: float | None = None
 
+    def gyration_m2(self, stds: float) -> float:
+        """Return the square of the radius of gyration about the normal of the pads, with some deviations more, m².
+
+        Where inertia or mass is unknown, it is that of `GYRATION_M`.
+        """
+        if self.inertia_kgm2 is None or self.inertia_std_kgm2 is None or not self.mass_kg:
+            return GYRATION_M**2
+        return (self.inertia_kgm2 + stds * self.inertia_std_kgm2) / self.mass_kg
+
 
 NOTHING_HELD = ObjectState(unknown="nothing is held")
 NO_SENSOR = ObjectState(unknown="a force sensor is needed in both fingers")
@@ -94,7 +103,9 @@ MODEL_STD = 0.02
 CORRELATED = 10.0
 """Such errors last for about so many readings."""
 LEVER_M = 0.05
-"""Lever with which an error of the force becomes one of the torque, and the largest radius of gyration, m."""
+"""Lever with which an error of the force becomes one of the torque, m."""
+GYRATION_M = 0.05
+"""Largest radius of gyration of an object about its centre of mass, until a turn has shown more, m: a rod of 0.17 m."""
 TURN_PART, ASIDE_PART = 0.1, 0.5
 """What the model leaves out of the moment about the normal of the pads: of a turn about it the first part, for the pads
 are soft; of a turn aside the second part of what the same inertia about its axis would ask for."""
@@ -240,7 +251,7 @@ class ObjectEstimate:
         """
         mass_kg = float(np.linalg.norm(load[:3])) / max(float(np.linalg.norm(motion.gravity_mps2)), 1.0)
         force = (MODEL_STD * float(np.linalg.norm(load[:3]))) ** 2 + (mass_kg * motion.std_mps2) ** 2
-        alpha, omega, inertia = motion.acceleration_radps2, motion.velocity_radps, mass_kg * LEVER_M**2
+        alpha, omega, inertia = motion.acceleration_radps2, motion.velocity_radps, mass_kg * GYRATION_M**2
         fast = inertia * float(np.linalg.norm(alpha) + omega @ omega)
         found = np.diag(np.repeat((force, LEVER_M**2 * force + fast**2), 3))
         if normal is not None:

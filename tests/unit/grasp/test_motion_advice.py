@@ -15,9 +15,9 @@ from slipd.finger.verdict import PAD_FREE, STREAM_STALE, Verdict
 from slipd.friction.friction_state import FrictionState
 from slipd.fusion.streaming import new_readings
 from slipd.grasp.arm_gravity import ERROR_MPS2, ArmGravity
-from slipd.grasp.motion_advice import ARM_SILENT, GYRATION_M, NO_ARM, NO_GRAVITY
+from slipd.grasp.motion_advice import ARM_SILENT, NO_ARM, NO_GRAVITY
 from slipd.grasp.motion_answers import MotionCheck, MotionLimits
-from slipd.grasp.object_estimate import NOT_MOVED, NOTHING_HELD, ObjectState
+from slipd.grasp.object_estimate import GYRATION_M, NOT_MOVED, NOTHING_HELD, ObjectState
 from slipd.grasp.object_swing import Swing
 from slipd.types.arrays import Array
 from slipd.types.samples import ArmSample

@@ -99,6 +99,7 @@ class SteppedGrasp:
         cells: Centres of the cells of the contact on the left pad, shape (2, n), m.
         shares: Their shares of the normal force, shape (n,).
         grip_lag_s: Time constant with which the grip force follows the command; 0: at once.
+        step_s: Longest integration step, s; it is shortened where the object is light.
 
     Attributes:
         normal_n: Normal force on one pad.
@@ -109,10 +110,13 @@ class SteppedGrasp:
     moves = False
     """Whether the cells move with the object."""
 
-    def __init__(self, law: Law, body: Body, centre_m: Pair, cells: Array, shares: Array, *, grip_lag_s: float) -> None:
+    def __init__(
+        self, law: Law, body: Body, centre_m: Pair, cells: Array, shares: Array, *, grip_lag_s: float,
+        step_s: float = STEP_S,
+    ) -> None:  # fmt: skip
         self._law, self._body, self._lag_s = law, body, grip_lag_s
         self.on_pad, self._pressure = cells, shares
-        self._step_s = min(STEP_S, RADIANS_PER_STEP / _fastest(law, body, cells - np.array(centre_m)[:, None]))
+        self._step_s = min(step_s, RADIANS_PER_STEP / _fastest(law, body, cells - np.array(centre_m)[:, None]))
         self.normal_n = 0.0
         self.motion = np.array((*centre_m, 0.0, 0.0, 0.0, 0.0))
         self.gross = False

@@ -195,7 +195,7 @@ def in_ros(kind: RosField, wire: Any) -> Any:
         return [{"name": name, TYPES[kind.type].fields[1].name: each} for name, each in (wire or {}).items()]
     if kind.type in TYPES:
         fields = TYPES[kind.type].fields
-        parts = [{each.name: in_ros(each, part[each.name]) for each in fields} for part in ([wire] if wire else [])]
+        parts = [{each.name: in_ros(each, part.get(each.name)) for each in fields} for part in ([wire] if wire else [])]
         return parts[0] if kind.length is None else parts
     if wire is None:
         single = "" if kind.name == "unknown" else UNKNOWN.get(kind.type, math.nan)
