@@ -154,8 +154,8 @@ def measure_time(count: int) -> None:
 def measure_latency(count: int) -> None:
     """Print what a read of a force sensor takes in an engine with the arm stream at 500 Hz, over one without it.
 
-    Both engines run side by side on the same bytes, for ``count`` reads of each of four rounds; the median of each. Which
-    one is first changes at random: the first finds what it needs less often in the cache.
+    Both engines run side by side on the same bytes, for ``count`` reads of each of four rounds; the median of each.
+    Which one is first changes at random: the first finds what it needs less often in the cache.
     """
     rng = np.random.default_rng(0)
     for round_ in range(4):
