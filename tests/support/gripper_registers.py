@@ -15,7 +15,7 @@ def read_requests(data: bytes, *, size: int = 0) -> list[modbus.Request]:
     pieces = [data[at : at + size] for at in range(0, len(data), size)] if size else [data]
     found = [(buffer, at) for buffer, places in map(scanner.receive, pieces) for at, _ in places]
     assert scanner.in_sync
-    return [request for buffer, at in found if (request := sim.parse_request(buffer, at)) is not None]
+    return [request for buffer, at in found for request in sim.parse_requests(buffer, at)]
 
 
 class GripperLine:

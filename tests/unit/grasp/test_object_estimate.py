@@ -60,18 +60,16 @@ def test_truth_is_within_two_deviations_after_a_lift_and_a_turn() -> None:
 
 @pytest.mark.parametrize("gyration_m", [0.03, 0.11])
 def test_inertia_is_known_after_a_turn_about_the_normal_of_the_pads_and_kept(gyration_m: float) -> None:
-    estimate, inertia = lifted(), 0.5 * gyration_m**2
+    estimate, again, inertia = lifted(), lifted(), 0.5 * gyration_m**2
     for phase in np.arange(0.0, 2.0 * math.pi, 0.02 * math.pi):
         gravity = Rotation.from_rotvec((0.0, 1.0 - math.cos(phase), 0.0)).inv().apply(DOWN)
-        turn = math.pi * math.sin(phase) * np.array((0.0, 1.0, 0.0))
-        turning = math.pi**2 * math.cos(phase) * np.array((0.0, 1.0, 0.0))
+        turn, turning = np.outer((math.pi * math.sin(phase), math.pi**2 * math.cos(phase)), (0.0, 1.0, 0.0))
         pull = gravity - np.cross(turning, COM_M) - np.cross(turn, np.cross(turn, COM_M))
         load = 0.5 * np.concatenate((pull, np.cross(COM_M, pull))) - inertia * np.concatenate((STILL, turning))
         estimate.update(load, GripperMotion(gravity, turn, turning, 0.0), NOISE, 2.0, 0.04, NORMAL)
     found = estimate.state
     assert found.inertia_kgm2 == pytest.approx(inertia, abs=2.0 * found.inertia_std_kgm2)
     assert found.inertia_std_kgm2 < max(0.5 * 0.03**2, 0.25 * inertia)
-    again = lifted()
     again.recognise(gripped_again(estimate.state, 0.001))
     learn(again, load_of(DOWN), DOWN, 5)
     assert again.state.inertia_kgm2 == found.inertia_kgm2

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
 
@@ -37,8 +36,11 @@ READABLE = 6
 """Registers that can be read; the driver of PickNikRobotics/ros2_robotiq_gripper (3b6cf8f) reads six."""
 UNUSED = (0,) * (READABLE - robotiq_registers.REGISTERS)
 
+WRITE_AND_READ = 23
+"""Function that writes, then reads: hosts such as pyRobotiqGripper use it."""
+
 _READ_LENGTH = 8  # of a request to read registers
-_SIZE_AT = 6  # offset of the number of bytes that a request writes
+_SIZE_AT = {modbus.WRITE: 6, WRITE_AND_READ: 10}  # offset of the number of bytes that a request writes
 _ILLEGAL_ADDRESS = 2
 _INACTIVE, _ACTIVATING, _ACTIVE = 0, 1, 3
 _FOUND_MOVING, _FOUND_CLOSING, _FOUND_NONE = 0, 2, 3
@@ -64,33 +66,38 @@ def request_scanner(unit: int) -> FrameScanner:
 def _measure(buffer: bytes, at: int) -> int:
     """Return the length of the request at ``at``; 0 if it may be incomplete, else `NO_FRAME`."""
     function = buffer[at + 1] if at + 1 < len(buffer) else modbus.READ_INPUT
-    if function not in (modbus.READ_HOLDING, modbus.READ_INPUT, modbus.WRITE):
-        return NO_FRAME
-    length, size_at = _READ_LENGTH, at + _SIZE_AT
-    if function == modbus.WRITE:
+    length = _READ_LENGTH
+    if function in _SIZE_AT:
+        size_at = at + _SIZE_AT[function]
         size = buffer[size_at] if size_at < len(buffer) else 0
-        length = _SIZE_AT + 1 + size + modbus.CRC_LENGTH
+        length = _SIZE_AT[function] + 1 + size + modbus.CRC_LENGTH
+    elif function not in (modbus.READ_HOLDING, modbus.READ_INPUT):
+        return NO_FRAME
     if at + length > len(buffer):
         return 0
-    is_request = modbus.checksum_matches(buffer[at : at + length]) and parse_request(buffer, at) is not None
+    is_request = modbus.checksum_matches(buffer[at : at + length]) and parse_requests(buffer, at)
     return length if is_request else NO_FRAME
 
 
-def parse_request(buffer: bytes, at: int) -> modbus.Request | None:
-    """Return the request at ``at``, whose checksum matches; None where its numbers do not fit each other."""
+def parse_requests(buffer: bytes, at: int) -> tuple[modbus.Request, ...]:
+    """Return the request at ``at``, whose checksum matches; one that writes and reads as two.
+
+    There is none where its numbers do not fit each other.
+    """
     unit, function = buffer[at : at + 2]
-    address, count = struct.unpack_from(">HH", buffer, at + 2)
-    registers: tuple[int, ...] = ()
-    if function == modbus.WRITE:
-        size_at = at + _SIZE_AT
+    read = struct.unpack_from(">HH", buffer, at + 2)
+    try:
+        if function not in _SIZE_AT:
+            return (modbus.Request(unit, function, *read),)
+        size_at = at + _SIZE_AT[function]
+        address, count = struct.unpack_from(">HH", buffer, size_at - 4)
         registers = struct.unpack_from(f">{buffer[size_at] // 2}H", buffer, size_at + 1)
         if count != len(registers):
-            return None
-        count = 0
-    try:
-        return modbus.Request(unit, function, address, count, registers)
+            return ()
+        write = modbus.Request(unit, modbus.WRITE, address, 0, registers)
+        return (write,) if function == modbus.WRITE else (write, modbus.Request(unit, modbus.READ_HOLDING, *read))
     except ValueError:
-        return None
+        return ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,7 +199,13 @@ class Gripper2F(EmulatedDevice):
         return super().receive(data, t_ns)
 
     def _obey(self, buffer: bytes, at: int, t_ns: int) -> list[bytes]:
-        return [self._answer(cast("modbus.Request", parse_request(buffer, at)), t_ns)]
+        answers = [self._answer(request, t_ns) for request in parse_requests(buffer, at)]
+        if len(answers) == 1:
+            return answers
+        written, read = answers
+        answer = written if written[1] & modbus.ERROR_FLAG else read
+        function = WRITE_AND_READ | answer[1] & modbus.ERROR_FLAG
+        return [modbus.with_checksum(bytes((answer[0], function)) + answer[2 : -modbus.CRC_LENGTH])]
 
     def command(self, t_ns: int) -> GripCommand:
         """Return the present command to the drive."""

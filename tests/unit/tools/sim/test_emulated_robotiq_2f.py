@@ -13,6 +13,13 @@ from slipd.tools.sim.scene import GripCommand
 UNIT, OUT, IN = robotiq_registers.UNIT, robotiq_registers.OUTPUT_ADDRESS, robotiq_registers.INPUT_ADDRESS
 
 
+WRITE_AND_READ = {  # as of pyRobotiqGripper 3.3: go to 200 and read the status; refused for the addresses of either
+    "091707D0000303E8000306090000C8803C": "091706",
+    "091707D0000307E8000306090000C8803C": "099702",
+    "091708D0000303E8000306090000C8803C": "099702",
+}
+
+
 def write(gripper, registers, t_ns, at=OUT):
     request = modbus.Request(UNIT, modbus.WRITE, at, registers=registers)
     return modbus.find_reply(b"".join(gripper.receive(modbus.encode_request(request), t_ns)), request)
@@ -39,6 +46,8 @@ def test_activation_takes_its_time_and_begins_with_a_rising_edge():
     write(gripper, (0x0900, 0, 0), 2 * ACTIVATION_NS)
     assert status(gripper, 2 * ACTIVATION_NS).active
     assert gripper.activated_ns == 10 * MS
+    frames = map(modbus.with_checksum, map(bytes.fromhex, WRITE_AND_READ))
+    assert [gripper.receive(frame, MS)[0][:3].hex() for frame in frames] == list(WRITE_AND_READ.values())
 
 
 @pytest.mark.parametrize(
