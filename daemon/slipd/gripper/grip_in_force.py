@@ -89,13 +89,15 @@ class GripInForce:
     def kept(self) -> StoredGrip | None:
         """Return the grip in force for the next run; None without one, or where its force is not known.
 
-        While the gripper does not answer, it is the grip as of the last reading: the next run asks whether it lasts.
+        While the gripper does not answer, it is the grip as of the last reading: the next run asks whether it lasts. A
+        force that the gripper has not acknowledged may be lost, so the one before counts.
         """
         policy, sample, force_n = self._policy, self._newest, self._policy.force_n
         if force_n is None or sample is None:
             return self._stored
+        acknowledged_n = self._session.force_acknowledged_n
         return StoredGrip(
-            force_n=force_n,
+            force_n=force_n if acknowledged_n is None else acknowledged_n,
             requested_n=policy.requested_n,
             raised_n=policy.raised_n,
             reflexed_n=policy.reflexed_n,

@@ -7,6 +7,7 @@ The policy only keeps the state. `slipd.gripper.grip_gate` decides about motions
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from slipd.gripper.lease import Lease
@@ -78,6 +79,7 @@ class GripPolicy:
     Args:
         limits: Limits of the forces.
         max_lease_ms: Longest time that a lease lasts without renewal.
+        waits: Whether the gripper has yet to acknowledge a force: what it does later may not be as much faster.
 
     Attributes:
         limits: As given.
@@ -89,8 +91,9 @@ class GripPolicy:
         fault: First fault since the last acknowledgement, or "".
     """
 
-    def __init__(self, limits: GripLimits, max_lease_ms: int) -> None:
+    def __init__(self, limits: GripLimits, max_lease_ms: int, waits: Callable[[], bool] = lambda: False) -> None:
         self.limits = limits
+        self._waits = waits
         self.lease = Lease(max_lease_ms)
         self._raising = _Allowance(limits.raise_n_per_s, limits.step_n)
         self._lowering = _Allowance(limits.lower_n_per_s, limits.step_n)
@@ -104,7 +107,7 @@ class GripPolicy:
 
     def state(self, t_ns: int) -> GripState:
         """Return the snapshot for the grip gate at ``t_ns``."""
-        now_ns = self.lease.now(t_ns)
+        lower_left_n, raise_left_n = self.change_left_n(t_ns)
         return GripState(
             holder=self.lease.holder(t_ns),
             fault=self.fault,
@@ -112,8 +115,8 @@ class GripPolicy:
             unknown=self._unknown,
             releasing=self.releasing,
             requested_n=self.requested_n,
-            raise_left_n=self._raising.left_n(now_ns),
-            lower_left_n=self._lowering.left_n(now_ns),
+            raise_left_n=raise_left_n,
+            lower_left_n=lower_left_n,
             budget_left_n=self._budget_left_n(self.raised_n),
             reflex_left_n=self._budget_left_n(self.reflexed_n),
         )
@@ -142,8 +145,8 @@ class GripPolicy:
 
     def change_left_n(self, t_ns: int) -> tuple[float, float]:
         """Return the largest lowering and the largest raise that step and rate leave at ``t_ns``, N."""
-        now_ns = self.lease.now(t_ns)
-        return self._lowering.left_n(now_ns), self._raising.left_n(now_ns)
+        now_ns, grows = self.lease.now(t_ns), not self._waits()
+        return self._lowering.left_n(now_ns, grows=grows), self._raising.left_n(now_ns, grows=grows)
 
     def record_force(self, force_n: float, t_ns: int, *, reflex: bool = False) -> None:
         """Record a force that was sent to the gripper, and spend slew and budget.
@@ -223,9 +226,10 @@ class _Allowance:
         self._most_n = self._left_n = most_n
         self._t_ns = 0
 
-    def left_n(self, t_ns: int) -> float:
-        """Return what may be spent at ``t_ns``, N."""
-        self._left_n = min(self._left_n + self._rate_n_per_s * (t_ns - self._t_ns) * 1e-9, self._most_n)
+    def left_n(self, t_ns: int, *, grows: bool = True) -> float:
+        """Return what may be spent at ``t_ns``, N; it need not have grown since the last call."""
+        if grows:
+            self._left_n = min(self._left_n + self._rate_n_per_s * (t_ns - self._t_ns) * 1e-9, self._most_n)
         self._t_ns = t_ns
         return self._left_n
 

@@ -134,7 +134,7 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
         [
             *HELD,
             gripper(silent=True),
-            ask("grip.adjust", delta_n=0.5),
+            ask("grip.adjust", delta_n=2.0),
             until(lambda run: run.published("gripper")[-1]["latched_fault"], [serve(5)]),
             newest("gripper", latched_fault="command_lost"),
             newest("status", gripper={"latched_fault": "command_lost"}),
@@ -142,6 +142,7 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
             serve(100),
             ask("fault.ack", {"fault": "command_lost"}),
             serve(50),
+            ask("grip.adjust", "within 2 N of the 5 N that the gripper acknowledged last", delta_n=0.2),
             ask("grip.set", force_n=5.0),
         ],
     ),

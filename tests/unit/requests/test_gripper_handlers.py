@@ -206,7 +206,6 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
             wait(20),
             feel(5.0),
             ask("grip.adjust", (TOO_FAST, "delta_n"), delta_n=0.2),
-            ask("grip.adjust", "within 2 N of the 5 N that the gripper acknowledged last", delta_n=0.2),
             gripper(silent=False),
             serve(60),
             feel(7.0),
