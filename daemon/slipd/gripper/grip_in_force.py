@@ -63,12 +63,14 @@ class GripInForce:
         command_n: Force last sent to the gripper, N, by the run before where its grip lasts; None if none was sent or
             the gripper is inactive.
         closed_to_m: Commanded width of the grip in force, m; None: no grip, or not known.
+        lost: A command was lost, and none was sent since: only the force that was acknowledged surely acts.
     """
 
     def __init__(self, policy: GripPolicy, session: GripperSession, fingers: Mapping[str, Finger]) -> None:
         self._policy, self._session, self._fingers = policy, session, fingers
         self.command_n: float | None = None
         self.closed_to_m: float | None = None
+        self.lost = False
         # held: in this grasp, an object stopped the gripper or pressed on a finger;
         # claimed: a command of this run decided what the gripper holds, or that it holds nothing
         self._held = self._claimed = False
@@ -89,15 +91,14 @@ class GripInForce:
     def kept(self) -> StoredGrip | None:
         """Return the grip in force for the next run; None without one, or where its force is not known.
 
-        While the gripper does not answer, it is the grip as of the last reading: the next run asks whether it lasts. A
-        force that the gripper has not acknowledged may be lost, so the one before counts.
+        While the gripper does not answer, it is the grip as of the last reading: the next run asks whether it lasts.
         """
         policy, sample, force_n = self._policy, self._newest, self._policy.force_n
         if force_n is None or sample is None:
             return self._stored
         acknowledged_n = self._session.force_acknowledged_n
         return StoredGrip(
-            force_n=force_n if acknowledged_n is None else acknowledged_n,
+            force_n=acknowledged_n if self.lost and acknowledged_n is not None else force_n,
             requested_n=policy.requested_n,
             raised_n=policy.raised_n,
             reflexed_n=policy.reflexed_n,
@@ -153,7 +154,7 @@ class GripInForce:
         else:
             self.closed_to_m = permit.width_m if permit.kind == "move" else self.closed_to_m
             self._policy.record_force(applied_n, t_ns, reflex=kind == "reflex")
-        self._claimed, self._stored = True, None
+        self._claimed, self._stored, self.lost = True, None, False
 
     def renew(self) -> None:
         """Forget what was sent: an activation voids it, and the gripper decides what becomes of its grip."""

@@ -63,11 +63,10 @@ class GripperControl:
         self._fingers = fingers
         self._faults = GripperFaultDetector()
         self._silence_ns = max(SILENCE_NS, round(SILENT_PERIODS * 1e9 / config.rate_hz))
-        self._owed = False  # the acknowledgement of a force that is not known to be lost
         self.policy = GripPolicy(
             _limits(config),
             config.max_lease_ms,
-            lambda: self._owed and session.force_acknowledged_n != session.force_sent_n,
+            lambda: not self.grip.lost and session.force_acknowledged_n != session.force_sent_n,
         )
         self.grip = GripInForce(self.policy, session, self._fingers)
         self.sample: GripperSample | None = None
@@ -113,7 +112,7 @@ class GripperControl:
         """Update with the time; return True if the latched fault changed or a lease expired."""
         before_lost, self._command_lost = self._command_lost, self.session.command_lost
         if self._command_lost and not before_lost:
-            self._owed = False
+            self.grip.lost = True
             self.policy.latch(COMMAND_LOST)
         if self.sample is not None and t_ns - self._heard_ns > self._silence_ns:
             self._forget(NO_ANSWER)
@@ -247,7 +246,6 @@ class GripperControl:
             self._motion.forget()
             return True
         self.grip.record_sent(permit, kind, t_ns)
-        self._owed = True
         if permit.kind == "move":
             self._motion.begin(
                 goal_m=cast("float", permit.width_m),
@@ -260,7 +258,7 @@ class GripperControl:
     def _drop(self) -> None:
         """Drop unsent commands; a dropped command is a fault."""
         if self.grip.undo(self.session.drop):
-            self._owed = False
+            self.grip.lost = True
             self.policy.latch(COMMAND_LOST)
 
 

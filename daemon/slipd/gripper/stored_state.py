@@ -60,7 +60,7 @@ class StoredGrip(_Stored):
     It was in force then. Whether it still is, only the gripper can confirm.
 
     Attributes:
-        force_n: The force in force that the gripper acknowledged, N.
+        force_n: The force in force, N (`GripPolicy.force_n`); the one acknowledged last where a later one is lost.
         requested_n: The force that a client requested last, N; None: none did.
         raised_n: Sum of all raises of this grasp by requests, N: what is spent of the budget.
         reflexed_n: Likewise by the reflex, of its own budget.
