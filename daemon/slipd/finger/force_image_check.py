@@ -177,8 +177,8 @@ class Agreement:
 
         Args:
             t_ns: Time of the image, rising.
-            contact: Contact measured by the force sensor; an invalid one is none, or unknown, and ends a disagreement
-                unless the image keeps it.
+            contact: Contact measured by the force sensor; invalid where it measures none, or is not trusted. That ends
+                a disagreement unless the image still shows the contact.
             force_std_n: Standard deviation of its normal force, N.
             x: Taxel centres in the pad frame, shape (taxels,), m.
             y: Likewise, shape (taxels,), m.

@@ -79,7 +79,7 @@ class GripPolicy:
     Args:
         limits: Limits of the forces.
         max_lease_ms: Longest time that a lease lasts without renewal.
-        waits: Whether the gripper has yet to acknowledge a force: what it does later may not be as much faster.
+        waits: Whether a force waits to be acknowledged; no allowance is regained meanwhile.
 
     Attributes:
         limits: As given.
@@ -227,7 +227,7 @@ class _Allowance:
         self._t_ns = 0
 
     def left_n(self, t_ns: int, *, grows: bool = True) -> float:
-        """Return what may be spent at ``t_ns``, N; it need not have grown since the last call."""
+        """Return what may be spent at ``t_ns``, N; without ``grows``, the time since the last call adds nothing."""
         if grows:
             self._left_n = min(self._left_n + self._rate_n_per_s * (t_ns - self._t_ns) * 1e-9, self._most_n)
         self._t_ns = t_ns

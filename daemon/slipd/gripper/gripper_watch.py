@@ -62,7 +62,7 @@ class GripperFaultDetector:
 
         Args:
             sample: The reading.
-            sent_n: Force last sent to the gripper in the grip in force, N; None if there is none.
+            sent_n: Force that the grip in force was sent last, N; None without a grip.
         """
         if self._activation == "requested" and not sample.active:
             self._activation, self._fault = "under way", ""

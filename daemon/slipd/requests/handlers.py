@@ -129,7 +129,7 @@ class RecordingState:
 
     Attributes:
         requested: The newest recording on request; its state is "none" before the first.
-        whole_run: The recording of the whole run; None where there is none.
+        whole_run: The recording of the whole run; None if the run is not recorded.
     """
 
     def __init__(self, boot: str, wall: WallClock) -> None:

@@ -138,6 +138,9 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
             until(lambda run: run.published("gripper")[-1]["latched_fault"], [serve(5)]),
             newest("gripper", latched_fault="command_lost"),
             newest("status", gripper={"latched_fault": "command_lost"}),
+            lambda run: (
+                None if '"force_n":5.0,' in run.engine.kept.text(run.t_ns) else pytest.fail("kept a lost force")
+            ),
             gripper(silent=False),
             serve(100),
             ask("fault.ack", {"fault": "command_lost"}),

@@ -205,7 +205,7 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
             ask("grip.adjust", delta_n=2.0),
             wait(20),
             feel(5.0),
-            ask("grip.adjust", (TOO_FAST, "delta_n"), delta_n=0.2),
+            ask("grip.adjust", "may change at most 10 N/s", delta_n=0.2),
             gripper(silent=False),
             serve(60),
             feel(7.0),

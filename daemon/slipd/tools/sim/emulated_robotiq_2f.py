@@ -80,9 +80,9 @@ def _measure(buffer: bytes, at: int) -> int:
 
 
 def parse_requests(buffer: bytes, at: int) -> tuple[modbus.Request, ...]:
-    """Return the request at ``at``, whose checksum matches; one that writes and reads as two.
+    """Return the request at ``at``, whose checksum matches; nothing if its counts contradict each other.
 
-    There is none where its numbers do not fit each other.
+    A request of `WRITE_AND_READ` returns as two: the write, then the read.
     """
     unit, function = buffer[at : at + 2]
     read = struct.unpack_from(">HH", buffer, at + 2)
